@@ -1,0 +1,103 @@
+#pragma once
+
+#include <complex>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "engine/base/job.h"
+#include "engine/base/result.h"
+#include "engine/capture/capture.h"
+#include "engine/fourier/maps.h"
+#include "engine/fourier/options.h"
+
+namespace patina {
+
+/// The material at one point, as the fit and the renderers exchange it.
+struct SvbrdfParameters {
+  Eigen::Array3f diffuse = Eigen::Array3f::Zero();
+  Eigen::Array3f specular = Eigen::Array3f::Zero();  ///< at normal incidence
+  Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();
+  float sigma = 0.1f;
+  float kurtosis = 1.0f;
+};
+
+/// One frequency of a texel's spectrum: what was measured and what the model says.
+struct SpectrumSample {
+  Eigen::Vector2i frequency;
+  bool holdout = false;
+  std::array<std::complex<float>, 3> measured;  ///< R G B, radiance in units of full white
+  std::array<std::complex<float>, 3> diffuse;   ///< the model's diffuse part
+  std::array<std::complex<float>, 3> specular;  ///< the model's specular part
+  std::array<float, 3> noiseSigma;              ///< standard deviation of one component of `measured`
+};
+
+/// The model's spectrum between the measured frequencies, along a direction of the frequency plane.
+struct SpectrumCurvePoint {
+  double frequency;  ///< along the direction, pattern units
+  std::array<std::complex<float>, 3> diffuse, specular;
+};
+
+/// The reflected lobe over the screen along a horizontal or vertical line through its peak (paper, Fig. 3).
+struct LobeSlice {
+  bool horizontal = true;
+  double through = 0;                 ///< the other coordinate, pattern units
+  std::vector<double> position;       ///< pattern units
+  std::vector<std::array<float, 3>> model;     ///< f'(x), eq. 10
+  std::vector<std::array<float, 3>> measured;  ///< truncated Fourier sum of the measurements
+};
+
+struct FourierFitStats {
+  std::map<std::string, double> seconds;  ///< by stage: "read", "measure", "geometry", "solve", "maps", "holdout"
+  std::size_t texels = 0;                 ///< solved sites
+  double meanIterations = 0;
+  double fitRms = 0, holdoutRms = 0;      ///< relative, over photographs; holdoutRms < 0: none declared
+  double noiseFloorFit = 0, noiseFloorHoldout = 0;
+  double noiseShot = 0, noiseRead = 0;    ///< variance = shot * radiance + read^2, radiance units
+  std::map<std::string, std::size_t> statusCounts;  ///< maps' texels by status name
+  std::size_t clippedSamples = 0;
+  bool cancelled = false;
+  int threads = 0;
+  std::size_t peakBytes = 0;              ///< of the process
+};
+
+/// A finished (or cancelled, marked) fit. Immutable; may be shared between threads. Keeps the measurements so that a texel's spectrum
+/// can be looked at; `loadFourierFit` rebuilds them from the bundle.
+class FourierFit {
+ public:
+  virtual ~FourierFit() = default;
+  virtual const SvbrdfMaps& maps() const = 0;
+  virtual const FourierFitStats& stats() const = 0;
+  virtual const FourierCapture& capture() const = 0;
+  virtual const FourierFitOptions& options() const = 0;
+
+  /// Parameters of the measured point nearest to a map texel. Cheap.
+  virtual SvbrdfParameters parametersAt(int texelX, int texelY) const = 0;
+  /// Measured and predicted spectrum at that point; DC first, then in the capture's order, fitted then held out.
+  virtual std::vector<SpectrumSample> spectrumAt(int texelX, int texelY) const = 0;
+  /// The model along `direction` (e.g. (1, 0)) for 0 <= frequency <= maxFrequency.
+  virtual std::vector<SpectrumCurvePoint> modelSpectrumAt(int texelX, int texelY, Eigen::Vector2d direction,
+                                                          double maxFrequency, int count) const = 0;
+  virtual LobeSlice lobeAt(int texelX, int texelY, bool horizontal, int count) const = 0;
+};
+
+/// Fits per-texel SVBRDF parameters to a capture of kind `fourier`.
+/// Source: frequency-domain paper, equations 6 to 12, appendices B to E; departures in docs/fourier_fit.md.
+/// Reads every photograph once; photographs marked holdout only for the error of prediction after the fit is done.
+/// Cancelled: the fit so far is returned with stats().cancelled set, unless nothing was fitted yet (then ErrorCode::Cancelled).
+/// Errors: those of `readPhoto`; Invalid where the patterns can't determine the model. Threads: all cores, or job.threads.
+Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture, const FourierFitOptions& options,
+                                                     const JobContext& job);
+
+/// Writes `folder`/maps/*.exr and `folder`/fit.json as the command-line contract says; everything is written to a temporary
+/// folder beside it first, so that a failure leaves an earlier result as it was.
+Status writeFourierFit(const std::filesystem::path& folder, const FourierFit& fit);
+
+/// Brings back a written fit: maps and numbers from `fitFolder`, measurements from the bundle it names.
+Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::path& fitFolder, const JobContext& job);
+
+}  // namespace patina
