@@ -11,8 +11,10 @@ namespace patina {
 class ProgressSink {
  public:
   virtual ~ProgressSink() = default;
-  /// `stage` is a stable id ("read", "guess", "solve", "maps"); `done` of `total`, counted in `unit` ("photos", "texels").
-  virtual void progress(std::string_view stage, std::int64_t done, std::int64_t total, std::string_view unit) = 0;
+  /// `stage` is a stable id ("read", "guess", "solve", "maps"); `done` of `total`, counted in `unit`
+  /// ("photos", "texels").
+  virtual void progress(std::string_view stage, std::int64_t done, std::int64_t total,
+                        std::string_view unit) = 0;
 };
 
 /// Receives sentences for the log. Called from any thread.

@@ -10,12 +10,12 @@ namespace patina {
 /// What kind of thing went wrong. `Cancelled` is not a failure of anything; it travels the same road so that
 /// callers have one place to look.
 enum class ErrorCode {
-  NotFound,       ///< a file or folder that is not there
-  Malformed,      ///< a file that is there but is not what it says it is
-  Invalid,        ///< well-formed, but the values make no sense together
-  Unsupported,    ///< a kind or version that this program does not handle
-  Refused,        ///< something we will not do (a path that leaves its bundle)
-  WriteFailed,    ///< no space, no permission
+  NotFound,     ///< a file or folder that is not there
+  Malformed,    ///< a file that is there but is not what it says it is
+  Invalid,      ///< well-formed, but the values make no sense together
+  Unsupported,  ///< a kind or version that this program does not handle
+  Refused,      ///< something we will not do (a path that leaves its bundle)
+  WriteFailed,  ///< no space, no permission
   Cancelled,
 };
 
@@ -23,8 +23,8 @@ enum class ErrorCode {
 /// Our own bugs throw; see CONTRIBUTING.md, "Errors".
 struct Error {
   ErrorCode code = ErrorCode::Invalid;
-  std::string what;   ///< one sentence, no trailing full stop
-  std::string where;  ///< file, key, photo or texel; may be empty
+  std::string what;     ///< one sentence, no trailing full stop
+  std::string where;    ///< file, key, photo or texel; may be empty
   std::string tryThis;  ///< what the person can do about it; may be empty
 
   /// "what (where). Try: tryThis." on one line.

@@ -18,13 +18,13 @@ enum class PhotoRole { Pattern, Window, Black, Geometry };
 
 /// One photograph of a Fourier capture, as capture.json describes it.
 struct FourierPhoto {
-  std::string file;              ///< relative to the bundle's folder, never leaving it
+  std::string file;  ///< relative to the bundle's folder, never leaving it
   PhotoRole role = PhotoRole::Pattern;
-  double exposureS = 0;          ///< informational: pixels are scene-referred already
+  double exposureS = 0;                                 ///< informational: pixels are scene-referred already
   Eigen::Vector2i frequency = Eigen::Vector2i::Zero();  ///< integers, pattern coordinates; role Pattern only
-  int phase = 0;                 ///< k in 0..3: g = w max(0, sin(w.x + k pi/2)); role Pattern only
-  bool holdout = false;          ///< a fit must not read it
-  std::string encoding;          ///< "" (linear), "srgb", "gamma:2.2", "response:FILE.json"
+  int phase = 0;         ///< k in 0..3: g = w max(0, sin(w.x + k pi/2)); role Pattern only
+  bool holdout = false;  ///< a fit must not read it
+  std::string encoding;  ///< "" (linear), "srgb", "gamma:2.2", "response:FILE.json"
 };
 
 /// What is known of the sample beforehand, e.g. a white paper.
@@ -32,7 +32,8 @@ struct KnownLambertian {
   Eigen::Vector3d albedo = Eigen::Vector3d::Ones();
 };
 
-/// A capture bundle of kind `fourier`: the description only, no pixels. See docs and the capture format, version 1.
+/// A capture bundle of kind `fourier`: the description only, no pixels. See docs and the capture format,
+/// version 1.
 struct FourierCapture {
   std::filesystem::path folder;
   double sampleWidthMm = 0, sampleHeightMm = 0;
@@ -45,16 +46,17 @@ struct FourierCapture {
   std::vector<std::string> ignoredKeys;  ///< keys that this version does not know, as "camera.foo"
 };
 
-/// Reads `folder`/capture.json (a path to the file itself works too) and checks it: required keys and their types,
-/// version, kind, orthonormal rotations, sizes within reason, paths that stay inside the folder, every photograph present.
-/// Opens no photograph. Errors name file and key; kinds `two-shot` and `flash` give Unsupported.
+/// Reads `folder`/capture.json (a path to the file itself works too) and checks it: required keys and their
+/// types, version, kind, orthonormal rotations, sizes within reason, paths that stay inside the folder, every
+/// photograph present. Opens no photograph. Errors name file and key; kinds `two-shot` and `flash` give
+/// Unsupported.
 Result<FourierCapture> readFourierCapture(const std::filesystem::path& folder, const JobContext& job = {});
 
 /// Writes capture.json into `capture.folder` (created if missing), atomically. Photographs are the caller's.
 Status writeFourierCapture(const FourierCapture& capture);
 
-/// Reads one photograph, decodes it to linear radiance (encoding undone, radianceScale applied), R G B. Errors: missing, wrong size,
-/// truncated, non-finite (pixel named).
+/// Reads one photograph, decodes it to linear radiance (encoding undone, radianceScale applied), R G B.
+/// Errors: missing, wrong size, truncated, non-finite (pixel named).
 Result<Image> readPhoto(const FourierCapture& capture, const FourierPhoto& photo);
 
 }  // namespace patina

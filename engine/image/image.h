@@ -25,7 +25,9 @@ class Image {
 
   float& at(int x, int y, int channel = 0) { return samples_[index(x, y) + channel]; }
   float at(int x, int y, int channel = 0) const { return samples_[index(x, y) + channel]; }
-  std::span<float> pixel(int x, int y) { return {samples_.data() + index(x, y), static_cast<std::size_t>(channels_)}; }
+  std::span<float> pixel(int x, int y) {
+    return {samples_.data() + index(x, y), static_cast<std::size_t>(channels_)};
+  }
   std::span<const float> pixel(int x, int y) const {
     return {samples_.data() + index(x, y), static_cast<std::size_t>(channels_)};
   }

@@ -1,17 +1,27 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
 
 #include "engine/base/result.h"
 #include "engine/image/image.h"
+#include "engine/image/image_size.h"
 
 namespace patina {
 
-/// Reads an 8- or 16-bit PNG (or TIFF) as R, G, B floats in 0..1, still encoded as in the file (grey is repeated).
-/// Errors as `readExr`.
-Result<Image> readPng(const std::filesystem::path& file);
+/// Reads a PNG of 1 to 16 bits as R, G, B floats in 0..1, still encoded as in the file: no gamma is undone
+/// and colour profiles are ignored (grey is repeated, palettes are looked up, opacity is dropped). With
+/// `expected`, another size is refused before pixels take memory. Errors as `readExr`. Threading: any.
+Result<Image> readPng(const std::filesystem::path& file, std::optional<ImageSize> expected = {});
 
-/// Writes 1 or 3 channels, values 0..1 taken as already display-encoded, clamped, as 8-bit PNG. Atomic like `writeExr`.
+/// The same from bytes in memory; `where` names them in errors.
+Result<Image> readPngBytes(std::string_view bytes, const std::string& where,
+                           std::optional<ImageSize> expected = {});
+
+/// Writes 1 or 3 channels, values 0..1 taken as already display-encoded, clamped (not a number: 0), as 8-bit
+/// PNG. Atomic like `writeExr`.
 Status writePng(const std::filesystem::path& file, const Image& displayEncoded);
 
 }  // namespace patina

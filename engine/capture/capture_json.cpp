@@ -1,0 +1,374 @@
+#include "engine/capture/capture_json.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <tuple>
+
+#include "engine/base/text.h"
+#include "engine/capture/bundle_path.h"
+#include "engine/capture/encoding.h"
+#include "engine/capture/json_reader.h"
+#include "engine/image/image_size.h"
+
+namespace patina {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kVersion = 1;
+// Limits say "surely a mistake", generously: they keep arithmetic finite and allocations possible.
+constexpr double kSmallestMm = 1e-3, kLargestMm = 1e6;  // a micrometre to a kilometre
+constexpr double kFarthestMm = 1e7;
+constexpr double kLongestFocalPx = 1e7;
+constexpr double kLargestDistortion = 1e4;
+constexpr double kLongestExposureS = 86400;
+constexpr double kSmallestSigma = 1e-3, kLargestSigma = 1e3;  // pattern units; the screen is 2 pi wide
+constexpr double kLargestScale = 1e9;
+constexpr int kHighestFrequency = 10000;  // cycles across the screen: finer than any screen's pixels
+constexpr std::size_t kMostPhotos = 100000;
+constexpr double kSkewTolerance = 1e-9;  // pixels
+constexpr std::size_t kLongestName = 1000;
+
+/// Adds the keys that nobody read, once each for all photos.
+void noteUnread(const JsonObject& object, const std::string& prefix, std::vector<std::string>* ignored) {
+  for (const std::string& key : object.unread()) {
+    std::string name = prefix.empty() ? key : prefix + "." + key;
+    if (std::find(ignored->begin(), ignored->end(), name) == ignored->end())
+      ignored->push_back(std::move(name));
+  }
+}
+
+void requireType(JsonObject& object, const std::string& wanted) {
+  const std::string type = object.text("type");
+  if (type != wanted) {
+    object.fail(ErrorCode::Unsupported, "type", inQuotes(type) + " is not a type that this version knows",
+                "use " + inQuotes(wanted));
+  }
+}
+
+Eigen::Vector2d vector2(JsonObject& object, const std::string& name, double low, double high) {
+  const std::vector<double> values = object.numbers(name, 2, low, high);
+  return {values[0], values[1]};
+}
+
+Eigen::Vector3d vector3(JsonObject& object, const std::string& name, double low, double high) {
+  const std::vector<double> values = object.numbers(name, 3, low, high);
+  return {values[0], values[1], values[2]};
+}
+
+void readSample(JsonObject& file, FourierCapture* capture) {
+  JsonObject sample = file.object("sample");
+  capture->sampleWidthMm = sample.number("width_mm", kSmallestMm, kLargestMm);
+  capture->sampleHeightMm = sample.number("height_mm", kSmallestMm, kLargestMm);
+  capture->sampleName = sample.text("name", "");
+  if (capture->sampleName.size() > kLongestName) {
+    sample.fail(ErrorCode::Invalid, "name", "the sample's name is longer than 1000 bytes", "shorten it");
+  }
+  if (sample.has("known")) {
+    JsonObject known = sample.object("known");
+    requireType(known, "lambertian");
+    capture->known = KnownLambertian{vector3(known, "albedo", 0.0, 1.0)};
+    noteUnread(known, "sample.known", &capture->ignoredKeys);
+  }
+  noteUnread(sample, "sample", &capture->ignoredKeys);
+}
+
+void readCamera(JsonObject& file, FourierCapture* capture) {
+  JsonObject object = file.object("camera");
+  Camera& camera = capture->camera;
+  camera.width = object.integer("width", 1, kMaxImageSide);
+  camera.height = object.integer("height", 1, kMaxImageSide);
+  if (std::int64_t{camera.width} * camera.height > kMaxImagePixels) {
+    object.fail(ErrorCode::Invalid, "width",
+                "photographs of more than 2^28 pixels are too large for this program",
+                "scale the photographs down, and K with them");
+  }
+  camera.intrinsics = object.matrix3("K", -kLongestFocalPx, kLongestFocalPx);
+  const Eigen::Matrix3d& k = camera.intrinsics;
+  if (!(k(0, 0) > 0 && k(1, 1) > 0)) {
+    object.fail(ErrorCode::Invalid, "K", "the focal lengths K[0][0] and K[1][1] must be positive");
+  }
+  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1) {
+    object.fail(ErrorCode::Invalid, "K", "K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
+  }
+  if (std::abs(k(0, 1)) > kSkewTolerance) {
+    object.fail(ErrorCode::Unsupported, "K[0][1]", "pixels with skew are not supported",
+                "calibrate the camera with K[0][1] = 0, as OpenCV does");
+  }
+  camera.intrinsics(0, 1) = 0;
+  const std::vector<double> distortion =
+      object.numbers("distortion", 5, -kLargestDistortion, kLargestDistortion);
+  camera.distortion = Eigen::Map<const Eigen::Matrix<double, 5, 1>>(distortion.data());
+  camera.cameraFromWorld = object.rotation("R");
+  camera.translationMm = vector3(object, "t", -kFarthestMm, kFarthestMm);
+  if (!(camera.positionMm().z() > 0)) {
+    object.fail(ErrorCode::Invalid, "t",
+                "this camera is not in front of the sample: its centre -R^T t has z <= 0",
+                "check that R and t are camera-from-world, with the sample at z = 0 facing +z");
+  }
+  if (!(camera.translationMm.z() > 0)) {
+    object.fail(ErrorCode::Invalid, "t", "this camera has the sample's centre behind it",
+                "check that R and t are camera-from-world, with the camera looking along its +z");
+  }
+  noteUnread(object, "camera", &capture->ignoredKeys);
+}
+
+void readScreen(JsonObject& file, FourierCapture* capture) {
+  JsonObject object = file.object("screen");
+  Screen& screen = capture->screen;
+  screen.widthMm = object.number("width_mm", kSmallestMm, kLargestMm);
+  screen.heightMm = object.number("height_mm", kSmallestMm, kLargestMm);
+  screen.widthPx = object.integer("width_px", 1, kMaxImageSide);
+  screen.heightPx = object.integer("height_px", 1, kMaxImageSide);
+  screen.worldFromScreen = object.rotation("R");
+  screen.originMm = vector3(object, "t", -kFarthestMm, kFarthestMm);
+
+  JsonObject window = object.object("window");
+  requireType(window, "gaussian");
+  screen.windowSigma = vector2(window, "sigma", kSmallestSigma, kLargestSigma);
+  noteUnread(window, "screen.window", &capture->ignoredKeys);
+
+  if (object.has("emission")) {
+    JsonObject emission = object.object("emission");
+    requireType(emission, "gaussian");
+    ScreenEmission found;
+    found.mean = vector2(emission, "mean", -kLargestSigma, kLargestSigma);
+    found.sigma = vector2(emission, "sigma", kSmallestSigma, kLargestSigma);
+    found.gain = emission.number("gain", 1.0 / kLargestScale, kLargestScale);
+    screen.emission = found;
+    noteUnread(emission, "screen.emission", &capture->ignoredKeys);
+  }
+  noteUnread(object, "screen", &capture->ignoredKeys);
+}
+
+PhotoRole readRole(JsonObject& object) {
+  const std::string role = object.text("role");
+  if (role == "pattern") return PhotoRole::Pattern;
+  if (role == "window") return PhotoRole::Window;
+  if (role == "black") return PhotoRole::Black;
+  if (role == "geometry") return PhotoRole::Geometry;
+  const std::string nearest = nearestWord(role, {"pattern", "window", "black", "geometry"});
+  object.fail(ErrorCode::Malformed, "role", inQuotes(role) + " is not a role of a photograph",
+              nearest.empty() ? "use pattern, window, black or geometry" : "use " + inQuotes(nearest));
+}
+
+bool endsLikePng(const std::string& file) {
+  std::string extension = std::filesystem::path(file).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension == ".png";
+}
+
+FourierPhoto readOnePhoto(JsonObject& object, const std::string& where) {
+  FourierPhoto photo;
+  photo.file = object.text("file");
+  Status allowed = checkBundlePath(photo.file, where + ": " + object.keyOf("file"));
+  if (!allowed) throw JsonFault{allowed.error()};
+  photo.role = readRole(object);
+  photo.exposureS = object.number("exposure_s", 0.0, kLongestExposureS);
+  if (photo.role == PhotoRole::Pattern) {
+    const std::vector<double> frequency =
+        object.numbers("frequency", 2, -kHighestFrequency, kHighestFrequency);
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (frequency[i] != std::floor(frequency[i])) {
+        object.fail(ErrorCode::Invalid, "frequency[" + std::to_string(i) + "]",
+                    "frequencies are whole numbers, and this one is not",
+                    "count the waves across the screen's width");
+      }
+    }
+    photo.frequency = {static_cast<int>(frequency[0]), static_cast<int>(frequency[1])};
+    photo.phase = object.integer("phase", 0, 3);
+  }
+  const std::string split = object.text("split", "");
+  photo.holdout = split == "holdout";
+  if (!photo.holdout && !split.empty() && split != "fit") {
+    object.fail(ErrorCode::Malformed, "split", inQuotes(split) + " is not a split that this version knows",
+                "use 'holdout' for a photograph that a fit must not read, or leave it out");
+  }
+  photo.encoding = object.text("encoding", "");
+  Result<PhotoEncoding> encoding = parseEncoding(photo.encoding, where + ": " + object.keyOf("encoding"));
+  if (!encoding) throw JsonFault{encoding.error()};
+  if (photo.encoding == "linear") photo.encoding.clear();
+  if (encoding->kind == PhotoEncoding::Kind::Linear && endsLikePng(photo.file)) {
+    object.fail(ErrorCode::Malformed, "encoding", "a PNG photograph needs its encoding, and none is given",
+                "add 'encoding': 'srgb', 'gamma:2.2' or 'response:FILE.json'");
+  }
+  return photo;
+}
+
+std::string patternName(const FourierPhoto& photo) {
+  return "frequency [" + std::to_string(photo.frequency.x()) + ", " + std::to_string(photo.frequency.y()) +
+         "], phase " + std::to_string(photo.phase);
+}
+
+void readPhotos(JsonObject& file, const std::string& where, FourierCapture* capture) {
+  const Json& list = file.list("photos", 1, kMostPhotos);
+  std::map<std::tuple<int, int, int>, std::size_t> seen;
+  bool window = false, black = false;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    JsonObject object(list[i], where, "photos[" + std::to_string(i) + "]");
+    FourierPhoto photo = readOnePhoto(object, where);
+    if (photo.role == PhotoRole::Pattern) {
+      const auto key = std::make_tuple(photo.frequency.x(), photo.frequency.y(), photo.phase);
+      const auto [other, isNew] = seen.emplace(key, i);
+      if (!isNew) {
+        object.fail(ErrorCode::Invalid, "phase",
+                    patternName(photo) + " is already shown by photos[" + std::to_string(other->second) + "]",
+                    "remove one of the two, or correct its frequency and phase");
+      }
+    }
+    window |= photo.role == PhotoRole::Window && !photo.holdout;
+    black |= photo.role == PhotoRole::Black && !photo.holdout;
+    // Keys of patterns on other photos are harmless, and known.
+    for (const std::string& key : object.unread()) {
+      const bool known = key == "frequency" || key == "phase";
+      const std::string name = "photos[]." + key;
+      auto& ignored = capture->ignoredKeys;
+      if (!known && std::find(ignored.begin(), ignored.end(), name) == ignored.end()) ignored.push_back(name);
+    }
+    capture->photos.push_back(std::move(photo));
+  }
+  if (!window) {
+    file.fail(
+        ErrorCode::Invalid, "photos",
+        "no photograph has the role 'window' (the window alone, held-out ones aside)",
+        "photograph the window at frequency zero; without it nothing is known about the sum of all light");
+  }
+  if (!black) {
+    file.fail(ErrorCode::Invalid, "photos",
+              "no photograph has the role 'black' (the screen black, held-out ones aside)",
+              "photograph the sample with the screen black; without it stray light can't be taken off");
+  }
+}
+
+/// format, kind, version: what decides whether the rest can be understood at all.
+void readHead(JsonObject& file) {
+  const std::string format = file.text("format");
+  if (format != "patina-capture") {
+    file.fail(ErrorCode::Malformed, "format",
+              "this is not a capture bundle: its format is " + inQuotes(format),
+              "open a folder whose capture.json has the format 'patina-capture'");
+  }
+  const int version = file.integer("version", 0, 1 << 30);
+  if (version != kVersion) {
+    file.fail(ErrorCode::Unsupported, "version",
+              "this bundle is of format version " + std::to_string(version) +
+                  ", and this program reads version " + std::to_string(kVersion),
+              version > kVersion ? "update Patina, or save the bundle as version 1"
+                                 : "save the bundle as version 1");
+  }
+  const std::string kind = file.text("kind");
+  if (kind == "two-shot" || kind == "flash") {
+    file.fail(ErrorCode::Unsupported, "kind",
+              "this is a " + inQuotes(kind) +
+                  " capture, and fitting those is not built into this version of Patina yet",
+              "a bundle of kind 'fourier'");
+  }
+  if (kind != "fourier") {
+    file.fail(ErrorCode::Unsupported, "kind",
+              inQuotes(kind) + " is not a kind of capture that this program knows",
+              "a bundle of kind 'fourier'");
+  }
+}
+
+std::string roleName(PhotoRole role) {
+  switch (role) {
+    case PhotoRole::Pattern:
+      return "pattern";
+    case PhotoRole::Window:
+      return "window";
+    case PhotoRole::Black:
+      return "black";
+    case PhotoRole::Geometry:
+      return "geometry";
+  }
+  return {};
+}
+
+Json jsonOf(const Eigen::Matrix3d& m) {
+  Json rows = Json::array();
+  for (int row = 0; row < 3; ++row) rows.push_back({m(row, 0), m(row, 1), m(row, 2)});
+  return rows;
+}
+
+Json jsonOf(const Eigen::Vector2d& v) {
+  return {v.x(), v.y()};
+}
+Json jsonOf(const Eigen::Vector3d& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+}  // namespace
+
+Result<FourierCapture> parseFourierCapture(std::string_view text, const std::filesystem::path& folder,
+                                           const std::string& where) {
+  try {
+    const Json json = parseJson(text, where);
+    JsonObject file(json, where, "");
+    readHead(file);
+    FourierCapture capture;
+    capture.folder = folder;
+    readSample(file, &capture);
+    readCamera(file, &capture);
+    readScreen(file, &capture);
+    capture.radianceScale = file.number("radiance_scale", 1.0 / kLargestScale, kLargestScale, 1.0);
+    readPhotos(file, where, &capture);
+    noteUnread(file, "", &capture.ignoredKeys);
+    return capture;
+  } catch (const JsonFault& fault) {
+    return fault.error;
+  } catch (const std::exception& failure) {  // no memory
+    return Error{ErrorCode::Malformed, std::string("the file can't be read: ") + failure.what(), where,
+                 "check that this is the right file"};
+  }
+}
+
+std::string fourierCaptureJson(const FourierCapture& capture) {
+  nlohmann::ordered_json json;
+  json["format"] = "patina-capture";
+  json["version"] = kVersion;
+  json["kind"] = "fourier";
+  json["sample"] = {{"width_mm", capture.sampleWidthMm}, {"height_mm", capture.sampleHeightMm}};
+  if (!capture.sampleName.empty()) json["sample"]["name"] = capture.sampleName;
+  if (capture.known) {
+    json["sample"]["known"] = {{"type", "lambertian"}, {"albedo", jsonOf(capture.known->albedo)}};
+  }
+  if (capture.radianceScale != 1.0) json["radiance_scale"] = capture.radianceScale;
+  const Camera& camera = capture.camera;
+  json["camera"] = {{"width", camera.width},
+                    {"height", camera.height},
+                    {"K", jsonOf(camera.intrinsics)},
+                    {"distortion", std::vector<double>(camera.distortion.begin(), camera.distortion.end())},
+                    {"R", jsonOf(camera.cameraFromWorld)},
+                    {"t", jsonOf(camera.translationMm)}};
+  const Screen& screen = capture.screen;
+  json["screen"] = {{"width_mm", screen.widthMm},
+                    {"height_mm", screen.heightMm},
+                    {"width_px", screen.widthPx},
+                    {"height_px", screen.heightPx},
+                    {"R", jsonOf(screen.worldFromScreen)},
+                    {"t", jsonOf(screen.originMm)},
+                    {"window", {{"type", "gaussian"}, {"sigma", jsonOf(screen.windowSigma)}}}};
+  if (screen.emission) {
+    json["screen"]["emission"] = {{"type", "gaussian"},
+                                  {"mean", jsonOf(screen.emission->mean)},
+                                  {"sigma", jsonOf(screen.emission->sigma)},
+                                  {"gain", screen.emission->gain}};
+  }
+  json["photos"] = nlohmann::ordered_json::array();
+  for (const FourierPhoto& photo : capture.photos) {
+    nlohmann::ordered_json object = {
+        {"file", photo.file}, {"role", roleName(photo.role)}, {"exposure_s", photo.exposureS}};
+    if (photo.role == PhotoRole::Pattern) {
+      object["frequency"] = {photo.frequency.x(), photo.frequency.y()};
+      object["phase"] = photo.phase;
+    }
+    if (photo.holdout) object["split"] = "holdout";
+    if (!photo.encoding.empty()) object["encoding"] = photo.encoding;
+    json["photos"].push_back(std::move(object));
+  }
+  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace patina
