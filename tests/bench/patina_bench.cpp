@@ -67,12 +67,13 @@ const Result<FourierCapture>& benchCapture() {
 }
 
 // The most memory that this process held at once, since `forgetPeak`. 0 where the system doesn't tell.
-std::ifstream status("/proc/self/status");
-for (std::string key; status >> key;) {
-  double kibibytes = 0;
-  if (key == "VmHWM:" && status >> kibibytes) return kibibytes / 1024.0;
-}
-return 0;
+double peakMebibytes() {
+  std::ifstream status("/proc/self/status");
+  for (std::string key; status >> key;) {
+    double kibibytes = 0;
+    if (key == "VmHWM:" && status >> kibibytes) return kibibytes / 1024.0;
+  }
+  return 0;
 }
 
 void forgetPeak() {
@@ -114,6 +115,7 @@ void fitWith(benchmark::State& state, int threads, const FourierFitOptions& opti
   }
   state.counters["steps/texel"] = total.meanIterations;
   if (total.holdoutRms >= 0) state.counters["heldout/noise"] = total.holdoutRms / total.noiseFloorHoldout;
+  state.counters["peak_MiB"] = peakMebibytes();
 }
 
 void BM_FitOnAllCores(benchmark::State& state) {
@@ -187,6 +189,7 @@ void BM_SimulateCapture(benchmark::State& state) {
     if (!made) return state.SkipWithError(made.error().sentence().c_str());
   }
   state.SetItemsProcessed(state.iterations() * pixels * pixels);
+  state.counters["peak_MiB"] = peakMebibytes();
 }
 BENCHMARK(BM_SimulateCapture)->Unit(benchmark::kSecond)->UseRealTime()->Iterations(1);
 
