@@ -1,0 +1,188 @@
+#include "engine/fourier/fit.h"
+
+#include <charconv>
+#include <memory>
+
+#include "app/cli/fit_report.h"
+#include "app/cli/verbs.h"
+#include "engine/base/atomic_file.h"
+#include "engine/base/text.h"
+
+namespace patina::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct FitArguments {
+  std::string bundle, out, effects = "none", dumpDir;
+  std::string lobe = "exact", weights = "noise";
+  std::vector<std::string> texels;
+  bool noRestarts = false;
+  FourierFitOptions options;
+};
+
+/// "12,34"
+std::optional<std::pair<int, int>> parseTexel(const std::string& text) {
+  std::pair<int, int> texel;
+  const char* end = text.data() + text.size();
+  const auto [comma, code] = std::from_chars(text.data(), end, texel.first);
+  if (code != std::errc() || comma == end || *comma != ',') return std::nullopt;
+  const auto [last, code2] = std::from_chars(comma + 1, end, texel.second);
+  if (code2 != std::errc() || last != end || texel.first < 0 || texel.second < 0) return std::nullopt;
+  return texel;
+}
+
+bool sameFolder(const fs::path& a, const fs::path& b) {
+  std::error_code code;
+  return fs::equivalent(a, b, code) && !code;
+}
+
+/// Fails now rather than after minutes of work where nothing could be written.
+Status checkWritable(const std::string& folder) {
+  Result<StagedFolder> probe = StagedFolder::create(folder);
+  if (!probe) return probe.error();
+  return Done{};
+}
+
+int runFit(FitArguments& arguments, Context& context) {
+  if (arguments.effects != "none") {
+    return context.misuse("effects (--effects " + arguments.effects +
+                          ") are not in this version of patina-cli. Try: --effects none.");
+  }
+  FourierFitOptions& options = arguments.options;
+  options.lobe = arguments.lobe == "paper" ? LobeMapping::PaperAffine : LobeMapping::ExactMoments;
+  options.weights =
+      arguments.weights == "paper" ? MeasurementWeights::PaperConstant : MeasurementWeights::Noise;
+  options.neighbourRestarts = !arguments.noRestarts;
+  const std::vector<std::string> problems = options.validate();
+  if (!problems.empty()) {
+    std::string sentence;
+    for (const std::string& problem : problems) sentence += (sentence.empty() ? "" : "; ") + problem;
+    return context.misuse(sentence + ". Try: patina-cli fit --help.");
+  }
+  std::vector<std::pair<int, int>> texels;
+  for (const std::string& text : arguments.texels) {
+    const auto texel = parseTexel(text);
+    if (!texel) return context.misuse("--texel " + inQuotes(text) + " is not a texel. Try: --texel 12,34.");
+    texels.push_back(*texel);
+  }
+
+  const JobContext job = context.job();
+  Result<FourierCapture> capture = readFourierCapture(arguments.bundle, job);
+  if (!capture) return context.fail(capture.error());
+  for (const std::string& folder : {arguments.out, arguments.dumpDir}) {
+    if (folder.empty()) continue;
+    if (sameFolder(folder, capture->folder)) {
+      return context.misuse("the bundle's own folder is never written to. Try: another folder, such as " +
+                            (fs::path(arguments.out) / "fit").string() + ".");
+    }
+    Status writable = checkWritable(folder);
+    if (!writable) return context.fail(writable.error());
+  }
+
+  Result<std::shared_ptr<const FourierFit>> fit = fitFourier(*capture, options, job);
+  if (!fit) return context.fail(fit.error());
+  const FourierFit& fitted = **fit;
+  context.console.finishProgress();
+  Status written = writeFourierFit(arguments.out, fitted);
+  if (!written) return context.fail(written.error());
+
+  printSummary(fitted, context);
+  context.console.say("Maps are in " + (fs::path(arguments.out) / "maps").string() + ", numbers in " +
+                      (fs::path(arguments.out) / "fit.json").string() + ".");
+  if (context.common.stats) printStats(fitted.stats(), context);
+  int status = fitted.stats().cancelled ? kCancelled : kDone;
+  for (const auto& [x, y] : texels) {
+    if (x < fitted.maps().width && y < fitted.maps().height) {
+      printTexel(fitted, x, y, context);
+    } else {
+      status =
+          context.misuse("--texel " + std::to_string(x) + "," + std::to_string(y) +
+                         " is not on the maps, which are " + std::to_string(fitted.maps().width) + " x " +
+                         std::to_string(fitted.maps().height) + " texels; everything else was written.");
+    }
+  }
+  if (!arguments.dumpDir.empty() && status != kCancelled) {
+    Status dumped = writeDump(arguments.dumpDir, fitted, job);
+    if (!dumped) return context.fail(dumped.error());
+    context.console.say("Stage images are in " + arguments.dumpDir + ".");
+  }
+  if (status == kCancelled) {
+    context.console.complain(
+        "Cancelled: the maps hold what was fitted until then; status.exr marks the rest (6), and fit.json "
+        "says so.");
+  }
+  return status;
+}
+
+}  // namespace
+
+void addFitVerb(CLI::App& program, Context& context) {
+  CLI::App* verb = program.add_subcommand("fit", "Fits material maps to a capture bundle");
+  auto arguments = std::make_shared<FitArguments>();
+  const FourierFitOptions defaults;
+  const auto byDefault = [](const std::string& text, const std::string& value) {
+    return text + " [default: " + value + "]";
+  };
+  verb->add_option("BUNDLE", arguments->bundle, "The bundle: a folder with capture.json and its photographs")
+      ->required()
+      ->option_text(" ");
+  verb->add_option(
+          "--out", arguments->out,
+          "Folder for maps/*.exr and fit.json; made if missing, replaced only where names are the same")
+      ->required()
+      ->option_text("DIR");
+  verb->add_option("--size", arguments->options.size,
+                   byDefault("Longest side of the maps, texels; 0: what the photographs resolve",
+                             std::to_string(defaults.size)))
+      ->option_text("N");
+  verb->add_option("--effects", arguments->effects,
+                   byDefault("Effects beyond the standard model; this version has only: none", "none"))
+      ->option_text("none");
+
+  constexpr const char* kModel = "The fit";
+  verb->add_option("--lobe", arguments->lobe,
+                   byDefault("How the glossy lobe is mapped onto the screen: exact moments, or the paper's\n"
+                             "first-order map",
+                             "exact"))
+      ->check(CLI::IsMember({"exact", "paper"}))
+      ->option_text("exact|paper")
+      ->group(kModel);
+  verb->add_option(
+          "--weights", arguments->weights,
+          byDefault("Weights of measurements: by the photographs' noise, or the paper's constant", "noise"))
+      ->check(CLI::IsMember({"noise", "paper"}))
+      ->option_text("noise|paper")
+      ->group(kModel);
+  verb->add_option("--max-iterations", arguments->options.maxIterations,
+                   byDefault("Steps for each texel and start; more: slower, fewer texels stopped early",
+                             std::to_string(defaults.maxIterations)))
+      ->option_text("N")
+      ->group(kModel);
+  verb->add_option(
+          "--tolerance", arguments->options.tolerance,
+          byDefault("A texel has converged when its cost falls by less than this share in a step", "1e-06"))
+      ->option_text("SHARE")
+      ->group(kModel);
+  verb->add_flag("--no-restarts", arguments->noRestarts,
+                 "Don't offer texels their neighbours' solutions: a few percent faster, some texels stuck")
+      ->group(kModel);
+
+  constexpr const char* kLook = "Looking inside";
+  verb->add_option(
+          "--texel", arguments->texels,
+          "Print all samples, residuals and parameters of this texel (0,0 is the corner at -x, +y);\n"
+          "may be repeated")
+      ->option_text("X,Y")
+      ->group(kLook)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  verb->add_option("--dump-dir", arguments->dumpDir, "Also write pictures of the stages into this folder")
+      ->option_text("DIR")
+      ->group(kLook);
+  addCommonOptions(*verb, context);
+  verb->callback(
+      [arguments, &context] { context.run = [arguments, &context] { return runFit(*arguments, context); }; });
+}
+
+}  // namespace patina::cli
