@@ -1,13 +1,12 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <complex>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "engine/base/job.h"
 #include "engine/base/result.h"
@@ -45,28 +44,29 @@ struct SpectrumCurvePoint {
 /// The reflected lobe over the screen along a horizontal or vertical line through its peak (paper, Fig. 3).
 struct LobeSlice {
   bool horizontal = true;
-  double through = 0;                 ///< the other coordinate, pattern units
-  std::vector<double> position;       ///< pattern units
+  double through = 0;                          ///< the other coordinate, pattern units
+  std::vector<double> position;                ///< pattern units
   std::vector<std::array<float, 3>> model;     ///< f'(x), eq. 10
   std::vector<std::array<float, 3>> measured;  ///< truncated Fourier sum of the measurements
 };
 
 struct FourierFitStats {
-  std::map<std::string, double> seconds;  ///< by stage: "read", "measure", "geometry", "solve", "maps", "holdout"
-  std::size_t texels = 0;                 ///< solved sites
+  std::map<std::string, double>
+      seconds;             ///< by stage: "read", "measure", "geometry", "solve", "maps", "holdout"
+  std::size_t texels = 0;  ///< solved sites
   double meanIterations = 0;
-  double fitRms = 0, holdoutRms = 0;      ///< relative, over photographs; holdoutRms < 0: none declared
+  double fitRms = 0, holdoutRms = 0;  ///< relative, over photographs; holdoutRms < 0: none declared
   double noiseFloorFit = 0, noiseFloorHoldout = 0;
-  double noiseShot = 0, noiseRead = 0;    ///< variance = shot * radiance + read^2, radiance units
+  double noiseShot = 0, noiseRead = 0;              ///< variance = shot * radiance + read^2, radiance units
   std::map<std::string, std::size_t> statusCounts;  ///< maps' texels by status name
   std::size_t clippedSamples = 0;
   bool cancelled = false;
   int threads = 0;
-  std::size_t peakBytes = 0;              ///< of the process
+  std::size_t peakBytes = 0;  ///< of the process
 };
 
-/// A finished (or cancelled, marked) fit. Immutable; may be shared between threads. Keeps the measurements so that a texel's spectrum
-/// can be looked at; `loadFourierFit` rebuilds them from the bundle.
+/// A finished (or cancelled, marked) fit. Immutable; may be shared between threads. Keeps the measurements so
+/// that a texel's spectrum can be looked at; `loadFourierFit` rebuilds them from the bundle.
 class FourierFit {
  public:
   virtual ~FourierFit() = default;
@@ -77,7 +77,8 @@ class FourierFit {
 
   /// Parameters of the measured point nearest to a map texel. Cheap.
   virtual SvbrdfParameters parametersAt(int texelX, int texelY) const = 0;
-  /// Measured and predicted spectrum at that point; DC first, then in the capture's order, fitted then held out.
+  /// Measured and predicted spectrum at that point; DC first, then in the capture's order, fitted then held
+  /// out.
   virtual std::vector<SpectrumSample> spectrumAt(int texelX, int texelY) const = 0;
   /// The model along `direction` (e.g. (1, 0)) for 0 <= frequency <= maxFrequency.
   virtual std::vector<SpectrumCurvePoint> modelSpectrumAt(int texelX, int texelY, Eigen::Vector2d direction,
@@ -87,17 +88,19 @@ class FourierFit {
 
 /// Fits per-texel SVBRDF parameters to a capture of kind `fourier`.
 /// Source: frequency-domain paper, equations 6 to 12, appendices B to E; departures in docs/fourier_fit.md.
-/// Reads every photograph once; photographs marked holdout only for the error of prediction after the fit is done.
-/// Cancelled: the fit so far is returned with stats().cancelled set, unless nothing was fitted yet (then ErrorCode::Cancelled).
-/// Errors: those of `readPhoto`; Invalid where the patterns can't determine the model. Threads: all cores, or job.threads.
-Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture, const FourierFitOptions& options,
-                                                     const JobContext& job);
+/// Reads every photograph once; photographs marked holdout only for the error of prediction after the fit is
+/// done. Cancelled: the fit so far is returned with stats().cancelled set, unless nothing was fitted yet
+/// (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the patterns can't determine the
+/// model. Threads: all cores, or job.threads.
+Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,
+                                                     const FourierFitOptions& options, const JobContext& job);
 
-/// Writes `folder`/maps/*.exr and `folder`/fit.json as the command-line contract says; everything is written to a temporary
-/// folder beside it first, so that a failure leaves an earlier result as it was.
+/// Writes `folder`/maps/*.exr and `folder`/fit.json as the command-line contract says; everything is written
+/// to a temporary folder beside it first, so that a failure leaves an earlier result as it was.
 Status writeFourierFit(const std::filesystem::path& folder, const FourierFit& fit);
 
 /// Brings back a written fit: maps and numbers from `fitFolder`, measurements from the bundle it names.
-Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::path& fitFolder, const JobContext& job);
+Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::path& fitFolder,
+                                                         const JobContext& job);
 
 }  // namespace patina

@@ -10,7 +10,7 @@ namespace patina {
 
 /// What became of a texel. Stored as a number in maps/status.exr; keep the values.
 enum class TexelStatus : std::uint8_t {
-  NotMeasured = 0,      ///< no photograph sees it
+  NotMeasured = 0,  ///< no photograph sees it
   Converged = 1,
   IterationLimit = 2,   ///< the best so far is kept
   MirrorOffScreen = 3,  ///< the mirror point leaves the lit area: gloss, width and kurtosis are not measured
@@ -24,16 +24,17 @@ enum class TexelStatus : std::uint8_t {
 struct SvbrdfMaps {
   int width = 0, height = 0;
   double widthMm = 0, heightMm = 0;
-  Image diffuse;    ///< R G B albedo, relative to the screen's white
-  Image specular;   ///< R G B lobe albedo at normal incidence
-  Image normal;     ///< X Y Z, unit, world frame
-  Image sigma;      ///< standard deviation of the half-vector's slope
-  Image kurtosis;   ///< the paper's gamma, >= 1
-  Image residual;   ///< relative RMS of (model - measurement) over the fitted frequencies and channels
-  Image status;     ///< TexelStatus as a float
+  Image diffuse;   ///< R G B albedo, relative to the screen's white
+  Image specular;  ///< R G B lobe albedo at normal incidence
+  Image normal;    ///< X Y Z, unit, world frame
+  Image sigma;     ///< standard deviation of the half-vector's slope
+  Image kurtosis;  ///< the paper's gamma, >= 1
+  Image residual;  ///< relative RMS of (model - measurement) over the fitted frequencies and channels
+  Image status;    ///< TexelStatus as a float
 };
 
-/// Writes folder/{diffuse,specular,normal,sigma,kurtosis,residual,status}.exr as the command-line contract says.
+/// Writes folder/{diffuse,specular,normal,sigma,kurtosis,residual,status}.exr as the command-line contract
+/// says.
 Status writeMaps(const std::filesystem::path& folder, const SvbrdfMaps& maps);
 /// Reads what `writeMaps` wrote.
 Result<SvbrdfMaps> readMaps(const std::filesystem::path& folder);

@@ -19,14 +19,17 @@ enum class MeasurementWeights {
   PaperConstant,  ///< App. E's 160, scaled to the capture's full scale
 };
 
-/// Options of the Fourier fit. One description (`describe`) feeds the command line, fit.json and the window's form.
+/// Options of the Fourier fit. One description (`describe`) feeds the command line, fit.json and the window's
+/// form.
 struct FourierFitOptions {
-  int size = 0;  ///< longest side of the maps, texels; 0: what the photographs resolve. Larger: finer maps, no new detail
+  int size = 0;  ///< longest side of the maps, texels; 0: what the photographs resolve. Larger: finer maps,
+                 ///< no new detail
   LobeMapping lobe = LobeMapping::ExactMoments;
   MeasurementWeights weights = MeasurementWeights::Noise;
-  int maxIterations = 40;      ///< per texel and start. More: slower, fewer texels stopped early
-  double tolerance = 1e-6;     ///< relative decrease of the cost below which a texel has converged
-  bool neighbourRestarts = true;  ///< offer each texel its neighbours' solutions; rescues stuck texels at a few percent of the time
+  int maxIterations = 40;         ///< per texel and start. More: slower, fewer texels stopped early
+  double tolerance = 1e-6;        ///< relative decrease of the cost below which a texel has converged
+  bool neighbourRestarts = true;  ///< offer each texel its neighbours' solutions; rescues stuck texels at a
+                                  ///< few percent of the time
 
   /// Every problem with the values, not only the first; empty when usable.
   std::vector<std::string> validate() const;

@@ -1,0 +1,213 @@
+#include "engine/fourier/diffuse_transform.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <map>
+#include <numbers>
+
+namespace patina {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double kHighestFrequency = 48;  // beyond: below 1e-5 of DC for any window that falls off at the rim
+
+/// Gauss-Legendre nodes and weights on [-1, 1] by Newton iteration on the Legendre polynomial.
+void gaussLegendre(int count, std::vector<double>& node, std::vector<double>& weight) {
+  node.resize(count);
+  weight.resize(count);
+  for (int i = 0; i < count; ++i) {
+    double x = std::cos(std::numbers::pi * (i + 0.75) / (count + 0.5));
+    double slope = 1;
+    for (int iteration = 0; iteration < 50; ++iteration) {
+      double p0 = 1, p1 = x;
+      for (int k = 2; k <= count; ++k) {
+        const double p2 = ((2 * k - 1) * x * p1 - (k - 1) * p0) / k;
+        p0 = p1;
+        p1 = p2;
+      }
+      slope = count * (x * p1 - p0) / (x * x - 1);
+      const double step = p1 / slope;
+      x -= step;
+      if (std::abs(step) < 1e-15) break;
+    }
+    node[i] = x;
+    weight[i] = 2 / ((1 - x * x) * slope * slope);
+  }
+}
+
+/// App. B: 1 / (r^2 + 1)^2 as a mixture of normalised Gaussians.
+constexpr std::array<double, 3> kPaperWeight = {1.0391, 1.5027, 0.4583};
+constexpr std::array<double, 3> kPaperSigma = {1.5617, 0.7138, 0.3975};
+
+/// Equation 12 in the screen's frame at one point: sum_k N^(w) (mean - i Sigma w) and sum_k N^(w), frame of
+/// `siteGeometry`.
+std::array<Complex, 3> paperCoefficients(const SiteGeometry& site, const Eigen::Vector2d& frequency) {
+  const double d = site.distance;
+  std::array<Complex, 3> v{};
+  for (int k = 0; k < 3; ++k) {
+    const double lobePrecision = 1 / (d * d * kPaperSigma[k] * kPaperSigma[k]);
+    const double light[2] = {site.lightPrecisionX, site.lightPrecisionY};
+    const double mean[2] = {site.lightMeanX, site.lightMeanY};
+    double mass = kPaperWeight[k] / (d * d) * lobePrecision *
+                  site.lightPeak;  // normalised: precision / (2 pi); the 2 pi cancels
+    double centre[2], variance[2], decay = 0, phase = 0;
+    const double foot[2] = {site.footX, site.footY};
+    for (int axis = 0; axis < 2; ++axis) {
+      const double precision = lobePrecision + light[axis];
+      variance[axis] = 1 / precision;
+      centre[axis] = light[axis] * mean[axis] / precision;
+      mass *= std::exp(-0.5 * lobePrecision * light[axis] / precision * mean[axis] * mean[axis]) /
+              std::sqrt(precision);
+      decay += 0.5 * variance[axis] * frequency[axis] * frequency[axis];
+      phase += frequency[axis] * (centre[axis] + foot[axis]);
+    }
+    const Complex value = mass * std::exp(-decay) * std::polar(1.0, -phase) * (d / std::numbers::pi);
+    for (int axis = 0; axis < 2; ++axis)
+      v[axis] += value * Complex(centre[axis], -variance[axis] * frequency[axis]);
+    v[2] -= value * d;
+  }
+  return v;
+}
+
+/// Evaluates the transform at single points; shared tables of quadrature nodes and phases for a set of
+/// frequencies.
+class PointTransform {
+ public:
+  PointTransform(const ScreenFrame& frame, const std::vector<Eigen::Vector2d>& frequencies,
+                 DiffuseMethod method)
+      : frame_(frame), frequencies_(frequencies), method_(method) {
+    if (method == DiffuseMethod::PaperMixture) return;
+    // Distinct frequencies along each axis, so that the double sum over the screen separates.
+    double highest = 0;
+    for (const auto& w : frequencies) {
+      if (w.cwiseAbs().maxCoeff() > kHighestFrequency) continue;
+      highest = std::max(highest, w.cwiseAbs().maxCoeff());
+      for (int axis = 0; axis < 2; ++axis) index_[axis].emplace(w[axis], 0);
+    }
+    // Legendre rules resolve exp(i w x) on [-h, h] with w h / 2 nodes and some for the rest of the integrand.
+    for (int axis = 0; axis < 2; ++axis) {
+      const double half = frame.halfExtent[axis];
+      std::vector<double> weight;
+      gaussLegendre(static_cast<int>(std::ceil(highest * half / 2)) + 36, node_[axis], weight);
+      phases_[axis].resize(static_cast<Eigen::Index>(index_[axis].size()),
+                           static_cast<Eigen::Index>(node_[axis].size()));
+      for (auto& x : node_[axis]) x *= half;
+      int row = 0;
+      for (auto& [w, at] : index_[axis]) {
+        at = row;
+        for (std::size_t i = 0; i < node_[axis].size(); ++i)
+          phases_[axis](row, static_cast<Eigen::Index>(i)) =
+              std::polar(weight[i] * half, -w * node_[axis][i]);
+        ++row;
+      }
+    }
+  }
+
+  /// out[(f * 3 + axis) * 2 + {re, im}].
+  void at(const Eigen::Vector3d& pointMm, float* out) const {
+    const SiteGeometry site = siteGeometry(frame_, pointMm, pointMm + Eigen::Vector3d::UnitZ());
+    auto put = [&](std::size_t f, int axis, Complex v) {
+      out[(f * 3 + axis) * 2] = static_cast<float>(v.real());
+      out[(f * 3 + axis) * 2 + 1] = static_cast<float>(v.imag());
+    };
+    if (method_ == DiffuseMethod::PaperMixture) {
+      for (std::size_t f = 0; f < frequencies_.size(); ++f) {
+        const auto v = paperCoefficients(site, frequencies_[f]);
+        for (int axis = 0; axis < 3; ++axis) put(f, axis, v[axis]);
+      }
+      return;
+    }
+    const auto nx = static_cast<Eigen::Index>(node_[0].size()),
+               ny = static_cast<Eigen::Index>(node_[1].size());
+    Eigen::MatrixXd field[3];
+    for (auto& m : field) m.resize(nx, ny);
+    const double d = site.distance;
+    for (Eigen::Index b = 0; b < ny; ++b) {
+      for (Eigen::Index a = 0; a < nx; ++a) {
+        const double x = node_[0][a] - site.footX, y = node_[1][b] - site.footY;
+        const double lx = x - site.lightMeanX, ly = y - site.lightMeanY;
+        const double distance2 = x * x + y * y + d * d;
+        const double value =
+            d / (std::numbers::pi * distance2 * distance2) * site.lightPeak *
+            std::exp(-0.5 * (site.lightPrecisionX * lx * lx + site.lightPrecisionY * ly * ly));
+        field[0](a, b) = value * x;
+        field[1](a, b) = value * y;
+        field[2](a, b) = -value * d;
+      }
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::MatrixXcd spectrum = (phases_[0] * field[axis].cast<Complex>()) * phases_[1].transpose();
+      for (std::size_t f = 0; f < frequencies_.size(); ++f) {
+        const auto& w = frequencies_[f];
+        put(f, axis,
+            w.cwiseAbs().maxCoeff() > kHighestFrequency ? Complex(0)
+                                                        : spectrum(index_[0].at(w.x()), index_[1].at(w.y())));
+      }
+    }
+  }
+
+ private:
+  const ScreenFrame& frame_;
+  const std::vector<Eigen::Vector2d>& frequencies_;
+  DiffuseMethod method_;
+  std::map<double, int> index_[2];
+  std::vector<double> node_[2];
+  Eigen::MatrixXcd phases_[2];
+};
+
+}  // namespace
+
+DiffuseTransform::DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
+                                   const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method)
+    : frequencyCount_(static_cast<int>(frequencies.size())), halfSizeMm_(sampleSizeMm / 2) {
+  const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
+  table_.resize(static_cast<std::size_t>(kNodes) * kNodes * stride);
+  const PointTransform point(frame, frequencies, method);
+  auto cheb = [](int k) { return std::cos(std::numbers::pi * (k + 0.5) / kNodes); };
+  tbb::parallel_for(0, kNodes * kNodes, [&](int node) {
+    point.at({cheb(node % kNodes) * halfSizeMm_.x(), cheb(node / kNodes) * halfSizeMm_.y(), 0},
+             table_.data() + node * stride);
+  });
+}
+
+std::vector<float> DiffuseTransform::atPoint(const ScreenFrame& frame, const Eigen::Vector2d& pointMm,
+                                             const std::vector<Eigen::Vector2d>& frequencies,
+                                             DiffuseMethod method) {
+  std::vector<float> out(frequencies.size() * 6);
+  PointTransform(frame, frequencies, method).at({pointMm.x(), pointMm.y(), 0}, out.data());
+  return out;
+}
+
+void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
+  // Barycentric interpolation at Chebyshev points of the first kind.
+  float weight[2][kNodes];
+  for (int axis = 0; axis < 2; ++axis) {
+    const double u = pointMm[axis] / halfSizeMm_[axis];
+    double sum = 0, raw[kNodes];
+    int exact = -1;
+    for (int k = 0; k < kNodes; ++k) {
+      const double angle = std::numbers::pi * (k + 0.5) / kNodes;
+      const double gap = u - std::cos(angle);
+      if (std::abs(gap) < 1e-12) exact = k;
+      raw[k] = (k % 2 ? -1.0 : 1.0) * std::sin(angle) / gap;
+      sum += raw[k];
+    }
+    for (int k = 0; k < kNodes; ++k)
+      weight[axis][k] = static_cast<float>(exact >= 0 ? (k == exact ? 1.0 : 0.0) : raw[k] / sum);
+  }
+  const int stride = frequencyCount_ * 6;
+  std::fill(out, out + stride, 0.0f);
+  for (int j = 0; j < kNodes; ++j) {
+    for (int i = 0; i < kNodes; ++i) {
+      const float w = weight[0][i] * weight[1][j];
+      const float* node = table_.data() + static_cast<std::size_t>(j * kNodes + i) * stride;
+      for (int k = 0; k < stride; ++k) out[k] += w * node[k];
+    }
+  }
+}
+
+}  // namespace patina

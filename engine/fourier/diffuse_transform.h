@@ -1,0 +1,43 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "engine/fourier/site_geometry.h"
+
+namespace patina {
+
+enum class DiffuseMethod {
+  PaperMixture,  ///< App. B's three Gaussians, equation 12, over the infinite plane
+  Quadrature,    ///< the cosine, distance, window and emission as they are, over the lit rectangle
+};
+
+/// Transform of the Lambertian term at any sample point: for each frequency a complex vector v with Z_diffuse
+/// = albedo * (n . v), n in the screen's frame. Source: frequency-domain paper, equations 7, 8 and 12. The
+/// term is linear in n with coefficients that depend on geometry only, and they vary slowly over the sample:
+/// they are tabulated on 9 x 9 Chebyshev nodes and interpolated (relative error below 1e-6 for a screen
+/// farther away than half its width).
+class DiffuseTransform {
+ public:
+  /// `frequencies` in pattern units; `sampleSizeMm` the rectangle that points lie in (z = 0).
+  /// Frequencies with a component beyond 48 have no diffuse part that any camera could see (below 1e-5 of
+  /// DC); they give 0.
+  DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
+                   const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method);
+
+  int frequencyCount() const { return frequencyCount_; }
+  /// out[(f * 3 + axis) * 2 + {0: re, 1: im}], axis in the screen's frame. Thread-safe.
+  void at(const Eigen::Vector2d& pointMm, float* out) const;
+
+  /// The same at one point without a table: for curves with many frequencies.
+  static std::vector<float> atPoint(const ScreenFrame& frame, const Eigen::Vector2d& pointMm,
+                                    const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method);
+
+ private:
+  static constexpr int kNodes = 9;
+  int frequencyCount_ = 0;
+  Eigen::Vector2d halfSizeMm_;
+  std::vector<float> table_;  ///< [node y][node x][f][axis][re, im]
+};
+
+}  // namespace patina

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "engine/fourier/diffuse_transform.h"
+#include "engine/fourier/fit.h"
+#include "engine/fourier/measurements.h"
+#include "engine/fourier/point_model.h"
+#include "engine/fourier/solver.h"
+
+namespace patina {
+
+/// The fit's inside: everything that FourierFit answers from. Filled by `fitFourier` and `loadFourierFit`.
+struct FourierFitState {
+  FourierCapture capture;
+  FourierFitOptions options;
+  ScreenFrame frame;
+  FourierMeasurements measurements;
+  std::unique_ptr<DiffuseTransform> diffuse;  ///< zero frequency, then plan.fitted
+  std::vector<float>
+      heldOutZ;  ///< [site][plan.heldOut][re R G B, im R G B]; empty until photoError read them
+  std::vector<SvbrdfParameters> sites;  ///< a solution for each site
+  std::vector<TexelStatus> siteStatus;
+  std::vector<float> siteResidual;
+  SvbrdfMaps maps;
+  FourierFitStats stats;
+
+  SiteGeometry geometry(std::size_t site) const {
+    const auto& p = measurements.sites.pointMm[site];
+    return siteGeometry(frame, {p.x(), p.y(), 0.0}, capture.camera.positionMm());
+  }
+  DiffuseMethod diffuseMethod() const {
+    return options.lobe == LobeMapping::PaperAffine ? DiffuseMethod::PaperMixture : DiffuseMethod::Quadrature;
+  }
+  /// The site nearest to a map texel; -1 where no photograph sees it.
+  std::int64_t siteOfTexel(int texelX, int texelY) const;
+};
+
+/// Maps over the sample rectangle from the sites' solutions. Bilinear between pixels of one material; not
+/// across an edge.
+SvbrdfMaps mapsFromSites(const FourierFitState& state, int size);
+
+/// Relative RMS of prediction over photographs, and the same for a perfect model under the sensor's noise.
+struct PhotoError {
+  double rms = 0, noiseFloor = 0;
+};
+/// Predicts every photograph of the groups (and the window, for the fitted split) at every solved site and
+/// compares. Reads the photographs again; keeps the held-out measurements in `state.heldOutZ`.
+Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobContext& job);
+
+std::shared_ptr<const FourierFit> makeFourierFit(std::unique_ptr<FourierFitState> state);
+
+const char* statusName(TexelStatus status);
+
+}  // namespace patina

@@ -1,0 +1,279 @@
+#include "engine/fourier/measurements.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+
+#include "engine/fourier/sensor_noise.h"
+
+namespace patina {
+namespace {
+
+std::string photoName(const FourierCapture& capture, int index) {
+  return "photos[" + std::to_string(index) + "], " + capture.photos[index].file;
+}
+
+Error cancelledError() {
+  return {ErrorCode::Cancelled, "the fit was cancelled while reading photographs", "", ""};
+}
+
+/// Values at or above which a decoded photograph carries no information; linear photographs have no such
+/// level.
+float clippingLevel(const FourierCapture& capture, const FourierPhoto& photo) {
+  return photo.encoding.empty() ? std::numeric_limits<float>::infinity()
+                                : static_cast<float>(0.995 * capture.radianceScale);
+}
+
+}  // namespace
+
+Result<MeasurementPlan> planMeasurements(const FourierCapture& capture, const JobContext& job) {
+  MeasurementPlan plan;
+  std::map<std::pair<int, int>, FrequencyGroup> fitted, heldOut;
+  std::vector<std::pair<int, int>> fittedOrder, heldOutOrder;
+  for (int i = 0; i < static_cast<int>(capture.photos.size()); ++i) {
+    const FourierPhoto& photo = capture.photos[i];
+    if (photo.role == PhotoRole::Window && !photo.holdout) plan.window = i;
+    if (photo.role == PhotoRole::Black && !photo.holdout) plan.black = i;
+    if (photo.role != PhotoRole::Pattern) continue;
+    const std::pair<int, int> key{photo.frequency.x(), photo.frequency.y()};
+    auto& groups = photo.holdout ? heldOut : fitted;
+    auto [it, fresh] = groups.try_emplace(key);
+    if (fresh) {
+      (photo.holdout ? heldOutOrder : fittedOrder).push_back(key);
+      it->second.frequency = photo.frequency;
+    }
+    it->second.photo[photo.phase] = i;
+  }
+  auto keepComplete = [&](auto& groups, auto& order, std::vector<FrequencyGroup>& out) {
+    for (const auto& key : order) {
+      const FrequencyGroup& group = groups.at(key);
+      if (std::ranges::all_of(group.photo, [](int p) { return p >= 0; })) {
+        out.push_back(group);
+      } else {
+        job.warn("frequency (" + std::to_string(key.first) + ", " + std::to_string(key.second) +
+                 ") lacks some of its four phases and is left out");
+      }
+    }
+  };
+  keepComplete(fitted, fittedOrder, plan.fitted);
+  keepComplete(heldOut, heldOutOrder, plan.heldOut);
+
+  auto undetermined = [&](std::string what, std::string tryThis) {
+    return Error{ErrorCode::Invalid, std::move(what), (capture.folder / "capture.json").string() + ", photos",
+                 std::move(tryThis)};
+  };
+  if (plan.window < 0 || plan.black < 0)
+    return undetermined(std::string("the bundle has no photograph of role '") +
+                            (plan.window < 0 ? "window" : "black") +
+                            "' that the fit may read, so the zero frequency is unknown",
+                        "photograph it, or remove \"split\": \"holdout\" from it");
+  if (plan.fitted.size() < 4)
+    return undetermined(
+        "the patterns can't determine the model: only " + std::to_string(plan.fitted.size()) +
+            " frequencies have all four phases, at least 4 are needed",
+        "capture the paper's set, {1, 2, 3, 4, 6, 10, 20, 40} on both axes and both diagonals");
+  bool spansPlane = false;
+  for (const auto& group : plan.fitted) {
+    const auto& a = plan.fitted.front().frequency;
+    spansPlane |= a.x() * group.frequency.y() - a.y() * group.frequency.x() != 0;
+  }
+  if (!spansPlane)
+    return undetermined(
+        "the patterns can't determine the model: all frequencies lie along one line, so normals across it "
+        "are unknown",
+        "add frequencies on the other axis");
+  return plan;
+}
+
+Result<SiteSet> makeSites(const FourierCapture& capture, int size) {
+  const Camera& camera = capture.camera;
+  SiteSet sites;
+  sites.imageWidth = camera.width;
+  sites.imageHeight = camera.height;
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+  sites.siteOfPixel.assign(pixels, -1);
+  std::vector<Eigen::Vector2f> plane(pixels);
+  std::vector<char> inside(pixels, 0);
+  tbb::parallel_for(0, camera.height, [&](int y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const auto point = camera.samplePlaneFromPixel({x, y});
+      if (!point) continue;
+      const std::size_t i = static_cast<std::size_t>(y) * camera.width + x;
+      plane[i] = point->head<2>().cast<float>();
+      inside[i] = std::abs(point->x()) <= capture.sampleWidthMm / 2 &&
+                  std::abs(point->y()) <= capture.sampleHeightMm / 2;
+    }
+  });
+
+  double finest = std::numeric_limits<double>::infinity(), coarsest = 0;
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const std::size_t i = static_cast<std::size_t>(y) * camera.width + x;
+      if (!inside[i]) continue;
+      for (const std::size_t j : {i + 1, i + camera.width}) {
+        if (j >= pixels || !inside[j] || (j == i + 1 && x + 1 == camera.width)) continue;
+        const double pitch = (plane[j] - plane[i]).norm();
+        finest = std::min(finest, pitch);
+        coarsest = std::max(coarsest, pitch);
+      }
+    }
+  }
+  if (!std::isfinite(finest))
+    return Error{ErrorCode::Invalid, "the camera doesn't see the sample rectangle",
+                 (capture.folder / "capture.json").string() + ", camera",
+                 "check camera.R and camera.t (x_cam = R X + t, millimetres) and sample.width_mm"};
+  sites.finestPitchMm = finest;
+
+  const double longest = std::max(capture.sampleWidthMm, capture.sampleHeightMm);
+  const double texelMm = size > 0 ? longest / size : 0;
+  // Below twice the coarsest pixel pitch, groups would hold one pixel or none: then every pixel is a site of
+  // its own.
+  const bool grouped = texelMm >= 2 * coarsest;
+  const int columns =
+      grouped ? std::max(1, static_cast<int>(std::lround(capture.sampleWidthMm / texelMm))) : 0;
+  const int rows = grouped ? std::max(1, static_cast<int>(std::lround(capture.sampleHeightMm / texelMm))) : 0;
+  std::vector<std::int32_t> siteOfCell(static_cast<std::size_t>(columns) * rows, -1);
+  for (std::size_t i = 0; i < pixels; ++i) {
+    if (!inside[i]) continue;
+    std::int32_t site = -1;
+    if (grouped) {
+      const int cx = std::clamp(static_cast<int>((plane[i].x() / capture.sampleWidthMm + 0.5) * columns), 0,
+                                columns - 1);
+      const int cy =
+          std::clamp(static_cast<int>((0.5 - plane[i].y() / capture.sampleHeightMm) * rows), 0, rows - 1);
+      site = siteOfCell[static_cast<std::size_t>(cy) * columns + cx];
+      if (site < 0)
+        siteOfCell[static_cast<std::size_t>(cy) * columns + cx] = static_cast<std::int32_t>(sites.size());
+    }
+    if (site < 0) {
+      site = static_cast<std::int32_t>(sites.size());
+      sites.pointMm.emplace_back(0, 0);
+      sites.pixel.emplace_back(0, 0);
+      sites.pixelCount.push_back(0);
+    }
+    sites.siteOfPixel[i] = site;
+    sites.pointMm[site] += plane[i];
+    sites.pixel[site] +=
+        Eigen::Vector2f(static_cast<float>(i % camera.width), static_cast<float>(i / camera.width));
+    ++sites.pixelCount[site];
+  }
+  for (std::size_t s = 0; s < sites.size(); ++s) {
+    sites.pointMm[s] /= static_cast<float>(sites.pixelCount[s]);
+    sites.pixel[s] /= static_cast<float>(sites.pixelCount[s]);
+  }
+  return sites;
+}
+
+int resolvedSize(const FourierCapture& capture, const SiteSet& sites) {
+  const double longest = std::max(capture.sampleWidthMm, capture.sampleHeightMm);
+  return std::clamp(static_cast<int>(std::lround(longest / sites.finestPitchMm)), 1, 16384);
+}
+
+std::vector<float> sampleSites(const SiteSet& sites, const Image& photo) {
+  std::vector<float> out(sites.size() * 3, 0.0f);
+  const auto samples = photo.samples();
+  for (std::size_t i = 0; i < sites.siteOfPixel.size(); ++i) {
+    const auto site = sites.siteOfPixel[i];
+    if (site < 0) continue;
+    for (int c = 0; c < 3; ++c) out[site * 3 + c] += samples[i * 3 + c];
+  }
+  for (std::size_t s = 0; s < sites.size(); ++s)
+    for (int c = 0; c < 3; ++c) out[s * 3 + c] /= static_cast<float>(sites.pixelCount[s]);
+  return out;
+}
+
+Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPlan plan, SiteSet sites,
+                                    const JobContext& job) {
+  FourierMeasurements m;
+  const std::size_t count = sites.size();
+  const int frequencies = static_cast<int>(plan.fitted.size());
+  m.z.assign(count * frequencies * 6, 0.0f);
+  m.brightness.assign(count * 3, 0.0f);
+  m.clippedFraction.assign(count, 0.0f);
+  const auto total = static_cast<std::int64_t>(frequencies) * 4 + 2;
+
+  std::mutex mutex;  // guards everything below, brightness and clippedFraction
+  std::optional<Error> failure;
+  std::int64_t done = 0;
+  NoiseSamples noiseSamples(frequencies);
+
+  // Photographs that saturate count against their site; how many it can lose is the solver's decision.
+  auto readSites = [&](int index) -> std::optional<std::vector<float>> {
+    if (job.cancelled()) return std::nullopt;
+    auto photo = readPhoto(capture, capture.photos[index]);
+    if (!photo) {
+      std::scoped_lock lock(mutex);
+      if (!failure) failure = photo.error();
+      return std::nullopt;
+    }
+    std::vector<float> values = sampleSites(sites, *photo);
+    const float level = clippingLevel(capture, capture.photos[index]);
+    std::scoped_lock lock(mutex);
+    if (std::isfinite(level)) {
+      for (std::size_t s = 0; s < count; ++s) {
+        if (values[s * 3] < level && values[s * 3 + 1] < level && values[s * 3 + 2] < level) continue;
+        m.clippedFraction[s] += 1.0f / static_cast<float>(total);
+        ++m.clippedSamples;
+      }
+    }
+    job.progress("read", ++done, total, "photos");
+    return values;
+  };
+
+  tbb::parallel_for(0, frequencies + 1, [&](int f) {
+    {
+      std::scoped_lock lock(mutex);
+      if (failure) return;
+    }
+    if (f == frequencies) {
+      const auto window = readSites(plan.window);
+      if (!window) return;
+      auto black = readSites(plan.black);
+      if (!black) return;
+      m.dc.resize(count * 3);
+      for (std::size_t i = 0; i < count * 3; ++i) m.dc[i] = (*window)[i] - (*black)[i];
+      m.black = std::move(*black);
+      return;
+    }
+    std::array<std::vector<float>, 4> photo;
+    for (int k = 0; k < 4; ++k) {
+      auto values = readSites(plan.fitted[f].photo[k]);
+      if (!values) return;
+      photo[k] = std::move(*values);
+    }
+    for (std::size_t s = 0; s < count; ++s) {
+      float* z = m.z.data() + (s * frequencies + f) * 6;
+      for (int c = 0; c < 3; ++c) {
+        const std::size_t i = s * 3 + c;
+        z[c] = photo[1][i] - photo[3][i];
+        z[3 + c] = photo[2][i] - photo[0][i];
+      }
+    }
+    std::scoped_lock lock(mutex);
+    for (std::size_t i = 0; i < count * 3; ++i)
+      m.brightness[i] +=
+          (photo[0][i] + photo[1][i] + photo[2][i] + photo[3][i]) / static_cast<float>(4 * frequencies);
+    noiseSamples.add(f, plan.fitted[f].frequency, photo, sites.pixelCount);
+  });
+  if (failure) return *failure;
+  if (job.cancelled()) return cancelledError();
+
+  std::vector<float> sorted(m.dc);
+  const auto at = static_cast<std::size_t>(0.999 * static_cast<double>(sorted.size() - 1));
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(at), sorted.end());
+  m.fullScale = sorted[at];
+  if (!(m.fullScale > 0))
+    return Error{ErrorCode::Invalid, "the window photograph is not brighter than the black one",
+                 photoName(capture, plan.window),
+                 "check that the two were not swapped and that the screen lit the sample"};
+  m.noise = noiseSamples.estimate(m.fullScale);
+  m.plan = std::move(plan);
+  m.sites = std::move(sites);
+  return m;
+}
+
+}  // namespace patina

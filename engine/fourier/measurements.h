@@ -1,0 +1,92 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "engine/base/job.h"
+#include "engine/base/result.h"
+#include "engine/capture/capture.h"
+
+namespace patina {
+
+/// Four photographs of one frequency: indices into capture.photos by phase.
+struct FrequencyGroup {
+  Eigen::Vector2i frequency = Eigen::Vector2i::Zero();
+  std::array<int, 4> photo = {-1, -1, -1, -1};
+};
+
+/// Which photographs make which measurement.
+struct MeasurementPlan {
+  int window = -1, black = -1;          ///< indices into capture.photos
+  std::vector<FrequencyGroup> fitted;   ///< complete, in the capture's order
+  std::vector<FrequencyGroup> heldOut;  ///< complete
+};
+
+/// Sorts a capture's photographs. Invalid where they can't determine the model: no window or black outside
+/// the held-out set, fewer than four complete frequencies, or all of them along one line of the frequency
+/// plane. Incomplete frequencies are left out with a warning.
+Result<MeasurementPlan> planMeasurements(const FourierCapture& capture, const JobContext& job);
+
+/// The points of the sample that are measured: single pixels of the photographs, or groups of them where the
+/// maps are much coarser. Pixels are never interpolated: each keeps its own place on the sample and its own
+/// noise.
+struct SiteSet {
+  int imageWidth = 0, imageHeight = 0;
+  std::vector<std::int32_t> siteOfPixel;  ///< imageWidth x imageHeight; -1: outside the sample
+  std::vector<Eigen::Vector2f> pointMm;   ///< centroid on the sample, z = 0
+  std::vector<std::int32_t> pixelCount;
+  std::vector<Eigen::Vector2f> pixel;  ///< centroid in the image
+  double finestPitchMm = 0;            ///< smallest distance on the sample between neighbouring pixels
+  std::size_t size() const { return pointMm.size(); }
+};
+
+/// `size`: longest side of the maps in texels, 0 for what the photographs resolve. Returns the sites; empty
+/// set gives Invalid.
+Result<SiteSet> makeSites(const FourierCapture& capture, int size);
+/// The size that 0 stands for.
+int resolvedSize(const FourierCapture& capture, const SiteSet& sites);
+
+/// The sensor's noise: variance = shot * radiance + read^2, one pixel, one photograph, radiance units of the
+/// capture.
+struct SensorNoise {
+  double shot = 0, read = 0;
+  double variance(double radiance) const { return shot * std::max(radiance, 0.0) + read * read; }
+};
+
+/// Z(w) = (I1 - I3) - i (I0 - I2) at every site, Z(0) = window - black, and how sure they are.
+struct FourierMeasurements {
+  MeasurementPlan plan;
+  SiteSet sites;
+  std::vector<float> z;                ///< [site][frequency][re R G B, im R G B]
+  std::vector<float> dc;               ///< [site][R G B]
+  std::vector<float> black;            ///< [site][R G B]
+  std::vector<float> brightness;       ///< [site][R G B]: mean radiance of the pattern photographs
+  std::vector<float> clippedFraction;  ///< [site]
+  SensorNoise noise;
+  double fullScale = 1;  ///< 99.9th percentile of window minus black
+  std::size_t clippedSamples = 0;
+
+  int frequencyCount() const { return static_cast<int>(plan.fitted.size()); }
+  /// Variance of one component of Z, and of Z(0), at a site: the pair's mean brightness stands for both
+  /// photographs, so that weights don't follow the noise.
+  double variance(std::size_t site, int channel) const {
+    return 2 * noise.variance(brightness[site * 3 + channel]) / sites.pixelCount[site];
+  }
+  double dcVariance(std::size_t site, int channel) const {
+    return (noise.variance(dc[site * 3 + channel] + black[site * 3 + channel]) +
+            noise.variance(black[site * 3 + channel])) /
+           sites.pixelCount[site];
+  }
+};
+
+/// Reads the fitted photographs, once each, several at a time, and reduces them to measurements. Memory: 24
+/// bytes a site and frequency, and a few photographs. Errors: those of readPhoto; Cancelled.
+Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPlan plan, SiteSet sites,
+                                    const JobContext& job);
+
+/// One photograph averaged over each site's pixels: [site][R G B].
+std::vector<float> sampleSites(const SiteSet& sites, const Image& photo);
+
+}  // namespace patina
