@@ -13,17 +13,9 @@
 #include "engine/capture/capture.h"
 #include "engine/fourier/maps.h"
 #include "engine/fourier/options.h"
+#include "engine/surface/svbrdf_parameters.h"
 
 namespace patina {
-
-/// The material at one point, as the fit and the renderers exchange it.
-struct SvbrdfParameters {
-  Eigen::Array3f diffuse = Eigen::Array3f::Zero();
-  Eigen::Array3f specular = Eigen::Array3f::Zero();  ///< at normal incidence
-  Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();
-  float sigma = 0.1f;
-  float kurtosis = 1.0f;
-};
 
 /// One frequency of a texel's spectrum: what was measured and what the model says.
 struct SpectrumSample {
