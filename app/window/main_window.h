@@ -1,0 +1,129 @@
+#pragma once
+
+#include <QMainWindow>
+#include <memory>
+#include <optional>
+
+#include "app/window/job_runner.h"
+#include "app/window/progress_estimate.h"
+#include "app/window/services.h"
+#include "app/window/settings.h"
+#include "widgets/document.h"
+
+class QAction;
+class QLabel;
+class QMenu;
+class QProgressBar;
+class QPushButton;
+class QSplitter;
+class QStackedWidget;
+class QToolBar;
+
+namespace patina {
+
+class EmptyState;
+class ErrorBanner;
+class MapPanel;
+class PhotoLibrary;
+class PhotoStrip;
+class TexelInspector;
+class ViewportPanel;
+
+/// The window: one bundle, its photographs, its fit. Wires widgets to the engine's calls through numbered
+/// jobs; never waits for one.
+class MainWindow : public QMainWindow {
+  Q_OBJECT
+
+ public:
+  /// `settingsFile`: where the state is kept; empty: the user's configuration folder.
+  explicit MainWindow(Services services = Services::engine(), const QString& settingsFile = {},
+                      QWidget* parent = nullptr);
+  ~MainWindow() override;
+
+  /// Opens a bundle or a saved fit: a folder, capture.json or fit.json. Returns at once; what is open is
+  /// replaced when the new one is read.
+  void openPath(const QString& path);
+  void startFit();
+  void cancelFit();
+  /// Writes the fit into a folder.
+  void saveFitTo(const QString& folder);
+
+  Document* document() { return &document_; }
+  PhotoLibrary* photos() { return library_; }
+  PhotoStrip* strip() { return strip_; }
+  MapPanel* maps() { return maps_; }
+  TexelInspector* inspector() { return inspector_; }
+  ViewportPanel* viewport() { return viewport_; }
+  ErrorBanner* banner() { return banner_; }
+  QAction* action(const QString& name) const;
+  bool fitting() const { return fitJob_.running(); }
+  bool opening() const { return openJob_.running(); }
+  bool saving() const { return saveJob_.running(); }
+
+ protected:
+  void closeEvent(QCloseEvent* event) override;
+  void dragEnterEvent(QDragEnterEvent* event) override;
+  void dragLeaveEvent(QDragLeaveEvent* event) override;
+  void dropEvent(QDropEvent* event) override;
+
+ private:
+  void buildContent();
+  void buildActions();
+  void buildStatusBar();
+  void connectAll();
+  QAction* addAction(QMenu* menu, const QString& name, const QString& text, const QKeySequence& key,
+                     const QString& tip, std::function<void()> handler, const QString& iconName = {});
+  /// Enables an action, or disables it and says why in its tooltip and status tip.
+  void allow(const QString& name, bool possible, const QString& whyNot = {});
+  void refreshActions();
+  void refreshTitle();
+  void refreshRecent();
+  void refreshHealth();
+  void opened(std::shared_ptr<const FourierCapture> capture, const QString& path);
+  void fitDone(Result<std::shared_ptr<const FourierFit>> outcome);
+  void showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit);
+  void restoreState();
+  void keepState();
+  bool mayDiscardRunningFit(const QString& doing);
+  void chooseBundle();
+  void chooseFit();
+  void chooseSaveFolder();
+  void editOptions();
+  void showAbout();
+  void showShortcuts();
+  void followTexel(std::optional<QPoint> texel);
+
+  Services services_;
+  Settings settings_;
+  Document document_;
+  PhotoLibrary* library_;
+
+  QStackedWidget* pages_;
+  EmptyState* empty_;
+  ErrorBanner* banner_;
+  QSplitter *columns_, *right_;
+  QWidget* workspace_;
+  MapPanel* maps_;
+  PhotoStrip* strip_;
+  ViewportPanel* viewport_;
+  TexelInspector* inspector_;
+
+  QToolBar* toolBar_;
+  QLabel* bundleLabel_;
+  QMenu *recentMenu_, *viewMenu_;
+  QWidget* progressPane_;
+  QLabel *stageLabel_, *leftLabel_, *healthLabel_;
+  QProgressBar* progress_;
+  QPushButton* cancelButton_;
+  std::map<QString, QAction*> actions_;
+  std::map<QString, QString> tips_;
+
+  std::optional<ProgressEstimate> estimate_;
+  QString openPath_, fitSavedTo_;
+  bool fitIsSaved_ = true;
+
+  JobRunner openJob_, fitJob_,
+      saveJob_;  ///< last: destroyed first, so that no job outlives what it reports to
+};
+
+}  // namespace patina

@@ -1,0 +1,376 @@
+// The main window's menus, tool bar, dialogs, and the state that is kept between starts.
+#include <QActionGroup>
+#include <QDesktopServices>
+#include <QDialog>
+#include <QDialogButtonBox>
+#include <QFileDialog>
+#include <QFileInfo>
+#include <QHeaderView>
+#include <QMenuBar>
+#include <QMessageBox>
+#include <QSplitter>
+#include <QStatusBar>
+#include <QTableWidget>
+#include <QToolBar>
+
+#include "app/window/main_window.h"
+#include "widgets/empty_state.h"
+#include "widgets/fit_options_dialog.h"
+#include "widgets/image_view.h"
+#include "widgets/map_panel.h"
+#include "widgets/photo_strip.h"
+#include "widgets/sheet_viewport.h"
+#include "widgets/texel_inspector.h"
+#include "widgets/theme.h"
+#include "widgets/viewport_panel.h"
+
+namespace patina {
+
+QAction* MainWindow::action(const QString& name) const {
+  const auto found = actions_.find(name);
+  return found == actions_.end() ? nullptr : found->second;
+}
+
+QAction* MainWindow::addAction(QMenu* menu, const QString& name, const QString& text, const QKeySequence& key,
+                               const QString& tip, std::function<void()> handler, const QString& iconName) {
+  auto* made = new QAction(text, this);
+  made->setObjectName(name);
+  if (!key.isEmpty()) made->setShortcut(key);
+  if (!iconName.isEmpty()) made->setIcon(theme::icon(iconName));
+  if (handler) connect(made, &QAction::triggered, this, [handler = std::move(handler)] { handler(); });
+  menu->addAction(made);
+  actions_[name] = made;
+  tips_[name] =
+      key.isEmpty() ? tip : tip + QStringLiteral(" (%1)").arg(key.toString(QKeySequence::NativeText));
+  allow(name, true);
+  return made;
+}
+
+void MainWindow::allow(const QString& name, bool possible, const QString& whyNot) {
+  QAction* one = actions_.at(name);
+  one->setEnabled(possible);
+  const QString tip =
+      possible || whyNot.isEmpty() ? tips_.at(name) : tips_.at(name) + QStringLiteral("\n") + whyNot;
+  one->setToolTip(tip);
+  one->setStatusTip(possible || whyNot.isEmpty() ? tips_.at(name) : whyNot);
+}
+
+void MainWindow::buildActions() {
+  QMenu* file = menuBar()->addMenu(tr("&File"));
+  addAction(
+      file, "open", tr("&Open Bundle\u2026"), QKeySequence::Open, tr("Open the folder of a capture bundle"),
+      [this] { chooseBundle(); }, "open");
+  addAction(file, "open-fit", tr("Open &Fit\u2026"), QKeySequence(Qt::CTRL | Qt::SHIFT | Qt::Key_O),
+            tr("Open a fit that was saved"), [this] { chooseFit(); });
+  recentMenu_ = file->addMenu(tr("Open &Recent"));
+  file->addSeparator();
+  addAction(
+      file, "save", tr("&Save Fit As\u2026"), QKeySequence::Save, tr("Write maps and fit.json into a folder"),
+      [this] { chooseSaveFolder(); }, "save");
+  file->addSeparator();
+  addAction(file, "quit", tr("&Quit"), QKeySequence(Qt::CTRL | Qt::Key_Q), tr("Close the window"),
+            [this] { close(); });
+
+  QMenu* edit = menuBar()->addMenu(tr("&Edit"));
+  const auto history = [&](const char* name, QAction* one, QKeySequence::StandardKey key,
+                           const QString& tip) {
+    one->setObjectName(name);
+    one->setShortcut(key);
+    one->setIcon(theme::icon(name));
+    edit->addAction(one);
+    actions_[name] = one;
+    tips_[name] = tip;
+  };
+  history("undo", document_.undoStack()->createUndoAction(this, tr("&Undo")), QKeySequence::Undo,
+          tr("Take back the last change"));
+  history("redo", document_.undoStack()->createRedoAction(this, tr("&Redo")), QKeySequence::Redo,
+          tr("Make the change again"));
+  const auto nameHistory = [this] {
+    const QUndoStack* stack = document_.undoStack();
+    const auto say = [this](const char* name, bool possible, const QString& what, const QString& nothing) {
+      QAction* one = actions_.at(name);
+      const QString keys = QStringLiteral(" (%1)").arg(one->shortcut().toString(QKeySequence::NativeText));
+      one->setToolTip(possible ? tips_.at(name) + QStringLiteral(": ") + what + keys : nothing + keys);
+      one->setStatusTip(possible ? tips_.at(name) : nothing);
+      one->setIconText({});
+    };
+    say("undo", stack->canUndo(), stack->undoText(), tr("There is nothing to take back yet"));
+    say("redo", stack->canRedo(), stack->redoText(), tr("Nothing was taken back"));
+  };
+  connect(document_.undoStack(), &QUndoStack::indexChanged, this, nameHistory);
+  nameHistory();
+
+  viewMenu_ = menuBar()->addMenu(tr("&View"));
+  auto* kinds = new QActionGroup(this);
+  for (const auto& kind : viewKinds()) {
+    const int index = static_cast<int>(kind.kind);
+    QAction* one =
+        addAction(viewMenu_, QStringLiteral("view-") + kind.id, QString::fromUtf8(kind.title),
+                  QKeySequence(QStringLiteral("Ctrl+%1").arg(index + 1)), QString::fromUtf8(kind.meaning),
+                  [this, shown = kind.kind] { maps_->setKind(shown); });
+    one->setCheckable(true);
+    one->setChecked(maps_->kind() == kind.kind);
+    kinds->addAction(one);
+  }
+  connect(maps_, &MapPanel::kindChanged, this,
+          [this](ViewKind kind) { action(QStringLiteral("view-") + info(kind).id)->setChecked(true); });
+  viewMenu_->addSeparator();
+  addAction(viewMenu_, "zoom-in", tr("Zoom &In"), QKeySequence::ZoomIn, tr("Enlarge the picture"),
+            [this] { maps_->view()->zoomBy(1.25, QPointF(maps_->view()->rect().center())); });
+  addAction(viewMenu_, "zoom-out", tr("Zoom &Out"), QKeySequence::ZoomOut, tr("Show more of the picture"),
+            [this] { maps_->view()->zoomBy(0.8, QPointF(maps_->view()->rect().center())); });
+  addAction(viewMenu_, "zoom-fit", tr("&Whole Picture"), QKeySequence(Qt::CTRL | Qt::Key_0),
+            tr("Show the whole picture"), [this] { maps_->view()->zoomToFit(); });
+  addAction(viewMenu_, "auto-range", tr("Automatic &Range"), QKeySequence(Qt::CTRL | Qt::Key_R),
+            tr("Set the range from the picture's values"), [this] { maps_->automaticRange(); });
+  addAction(viewMenu_, "reset-tone", tr("Reset &Exposure and Range"),
+            QKeySequence(Qt::CTRL | Qt::SHIFT | Qt::Key_R), tr("Exposure 0, range from the picture's values"),
+            [this] { maps_->resetTone(); });
+  viewMenu_->addSeparator();
+  const auto panel = [this](const char* name, const QString& text, const QKeySequence& key, QWidget* widget) {
+    QAction* one = addAction(viewMenu_, name, text, key, tr("Show or hide this part of the window"), {});
+    one->setCheckable(true);
+    one->setChecked(true);
+    connect(one, &QAction::toggled, widget, &QWidget::setVisible);
+    connect(one, &QAction::toggled, this, [this] {
+      right_->setVisible(action("show-viewport")->isChecked() || !actions_.count("show-inspector") ||
+                         action("show-inspector")->isChecked());
+    });
+  };
+  panel("show-viewport", tr("&3D View"), QKeySequence(Qt::Key_F6), viewport_);
+  panel("show-inspector", tr("&Texel Inspector"), QKeySequence(Qt::Key_F7), inspector_);
+  panel("show-strip", tr("&Photo Strip"), QKeySequence(Qt::Key_F8), strip_);
+
+  QMenu* fit = menuBar()->addMenu(tr("F&it"));
+  addAction(
+      fit, "fit", tr("&Fit"), QKeySequence(Qt::Key_F5), tr("Fit the maps to the photographs"),
+      [this] { startFit(); }, "fit");
+  addAction(
+      fit, "cancel", tr("&Cancel"), QKeySequence(Qt::Key_Escape),
+      tr("Stop the fit; what is finished is kept and marked"), [this] { cancelFit(); }, "cancel");
+  fit->addSeparator();
+  addAction(
+      fit, "options", tr("&Options\u2026"), QKeySequence(Qt::CTRL | Qt::Key_Comma), tr("Options of the fit"),
+      [this] { editOptions(); }, "options");
+
+  QMenu* help = menuBar()->addMenu(tr("&Help"));
+  addAction(help, "shortcuts", tr("&Keyboard and Mouse"), QKeySequence(Qt::Key_F1),
+            tr("Every key and gesture"), [this] { showShortcuts(); });
+  addAction(help, "about", tr("&About Patina"), {}, tr("Version and sources"), [this] { showAbout(); });
+  for (QMenu* menu : {file, edit, viewMenu_, fit, help}) menu->setToolTipsVisible(true);
+
+  toolBar_ = addToolBar(tr("Tools"));
+  toolBar_->setObjectName(QStringLiteral("toolBar"));
+  toolBar_->setMovable(false);
+  toolBar_->setContextMenuPolicy(Qt::PreventContextMenu);
+  toolBar_->setIconSize(QSize(fontMetrics().height() + 3, fontMetrics().height() + 3));
+  for (const char* name : {"open", "fit", "cancel", "options", "save", "undo", "redo"}) {
+    toolBar_->addAction(action(name));
+    auto* button = qobject_cast<QToolButton*>(toolBar_->widgetForAction(action(name)));
+    button->setFocusPolicy(Qt::StrongFocus);
+    const QString shown(name);
+    if (shown == "open" || shown == "fit" || shown == "save")
+      button->setToolButtonStyle(Qt::ToolButtonTextBesideIcon);
+    if (shown == "open" || shown == "options" || shown == "save") toolBar_->addSeparator();
+  }
+  action("open")->setIconText(tr("Open"));
+  action("save")->setIconText(tr("Save fit"));
+  auto* space = new QWidget(toolBar_);
+  space->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Preferred);
+  toolBar_->addWidget(space);
+  bundleLabel_ = new QLabel(toolBar_);
+  bundleLabel_->setTextFormat(Qt::RichText);
+  bundleLabel_->setContentsMargins(0, 0, 8, 0);
+  toolBar_->addWidget(bundleLabel_);
+}
+
+void MainWindow::refreshActions() {
+  const bool open = document_.capture() != nullptr, fitted = document_.fit() != nullptr,
+             running = fitJob_.running();
+  const QString noBundle = tr("Not now: no bundle is open.");
+  allow("fit", open && !running && !openJob_.running(),
+        running ? tr("Not now: a fit is running.")
+        : open  ? tr("Not now: a bundle is being opened.")
+                : noBundle);
+  allow("cancel", running && !fitJob_.cancelling(),
+        running ? tr("Already stopping.") : tr("Not now: no fit is running."));
+  allow("options", !running, tr("Not now: a fit is running with the present options."));
+  allow("save", fitted && !saveJob_.running(),
+        fitted ? tr("Not now: the fit is being saved.") : tr("Not now: there is no fit to save."));
+  for (const char* name : {"zoom-in", "zoom-out", "zoom-fit", "auto-range", "reset-tone"})
+    allow(name, open, noBundle);
+  for (const auto& kind : viewKinds()) allow(QStringLiteral("view-") + kind.id, open, noBundle);
+}
+
+void MainWindow::refreshRecent() {
+  recentMenu_->clear();
+  const QStringList recent = settings_.recent();
+  for (const QString& folder : recent) {
+    QAction* one = recentMenu_->addAction(QFileInfo(folder).fileName() + QStringLiteral("   ") +
+                                          QFileInfo(folder).path());
+    one->setToolTip(folder);
+    connect(one, &QAction::triggered, this, [this, folder] { openPath(folder); });
+  }
+  recentMenu_->setEnabled(!recent.isEmpty());
+  recentMenu_->menuAction()->setToolTip(recent.isEmpty() ? tr("Nothing was opened yet")
+                                                         : tr("What was opened lately"));
+  if (!recent.isEmpty()) {
+    recentMenu_->addSeparator();
+    connect(recentMenu_->addAction(tr("Clear This List")), &QAction::triggered, this, [this] {
+      settings_.clearRecent();
+      refreshRecent();
+    });
+  }
+  empty_->setRecent(recent);
+}
+
+// ---- dialogs
+// --------------------------------------------------------------------------------------------------
+
+void MainWindow::chooseBundle() {
+  const QString folder = QFileDialog::getExistingDirectory(
+      this, tr("Open a Capture Bundle: the Folder with its capture.json"), settings_.text("last_folder"));
+  if (!folder.isEmpty()) openPath(folder);
+}
+
+void MainWindow::chooseFit() {
+  const QString folder = QFileDialog::getExistingDirectory(
+      this, tr("Open a Fit: the Folder with its fit.json"), settings_.text("last_save_folder"));
+  if (folder.isEmpty()) return;
+  openPath(QFileInfo::exists(folder + QStringLiteral("/fit.json")) ? folder + QStringLiteral("/fit.json")
+                                                                   : folder);
+}
+
+void MainWindow::chooseSaveFolder() {
+  if (!document_.fit()) return;
+  QFileDialog dialog(this, tr("Save the Fit: Name of a New Folder"), settings_.text("last_save_folder"));
+  dialog.setAcceptMode(QFileDialog::AcceptSave);
+  dialog.setFileMode(QFileDialog::AnyFile);
+  dialog.setOption(QFileDialog::DontConfirmOverwrite);
+  dialog.setLabelText(QFileDialog::FileName, tr("Folder:"));
+  dialog.selectFile(QFileInfo(openPath_).fileName() + QStringLiteral("_fit"));
+  if (dialog.exec() != QDialog::Accepted || dialog.selectedFiles().isEmpty()) return;
+  const QString folder = dialog.selectedFiles().front();
+  if (QFileInfo::exists(folder + QStringLiteral("/fit.json")) &&
+      QMessageBox::question(this, tr("Replace the fit?"),
+                            tr("%1 already holds a fit. Replace it?").arg(folder)) != QMessageBox::Yes)
+    return;
+  saveFitTo(folder);
+}
+
+void MainWindow::editOptions() {
+  FitOptionsDialog dialog(document_.fitOptions(), this);
+  if (dialog.exec() != QDialog::Accepted) return;
+  document_.endGesture();
+  document_.setFitOptions(dialog.options());
+}
+
+void MainWindow::showAbout() {
+  QMessageBox about(this);
+  about.setWindowTitle(tr("About Patina"));
+  about.setIconPixmap(theme::icon("app").pixmap(QSize(64, 64), devicePixelRatioF()));
+  about.setTextFormat(Qt::RichText);
+  about.setText(tr("<h3>Patina %1</h3>"
+                   "<p>Measures how materials reflect light: fits maps of diffuse and specular reflectance, "
+                   "normals, lobe width and "
+                   "kurtosis to photographs that a screen's Fourier patterns lit.</p>"
+                   "<p>Method: Aittala, Weyrich, Lehtinen, <i>Practical SVBRDF Capture in the Frequency "
+                   "Domain</i>, ACM Transactions on "
+                   "Graphics, 2013.</p>"
+                   "<p>Licence: Apache-2.0. Built with Qt %2, VTK, Eigen, OpenEXR and OpenCV.</p>")
+                    .arg(QStringLiteral(PATINA_VERSION), QString::fromLatin1(qVersion())));
+  about.exec();
+}
+
+void MainWindow::showShortcuts() {
+  QDialog dialog(this);
+  dialog.setWindowTitle(tr("Keyboard and Mouse"));
+  auto* table = new QTableWidget(0, 2, &dialog);
+  const auto line = [table](const QString& keys, const QString& what, bool heading = false) {
+    const int row = table->rowCount();
+    table->insertRow(row);
+    table->setItem(row, 0, new QTableWidgetItem(keys));
+    table->setItem(row, 1, new QTableWidgetItem(what));
+    if (!heading) return;
+    QFont bold = table->font();
+    bold.setBold(true);
+    table->item(row, 0)->setFont(bold);
+    table->setSpan(row, 0, 1, 2);
+  };
+  for (QAction* menu : menuBar()->actions()) {
+    line(QString(menu->text()).remove('&'), {}, true);
+    for (QAction* one : menu->menu()->actions())
+      if (!one->shortcut().isEmpty())
+        line(one->shortcut().toString(QKeySequence::NativeText),
+             QString(one->text()).remove('&').remove(QChar(0x2026)));
+  }
+  line(tr("Picture"), {}, true);
+  line(tr("Wheel, + \u2212 0"), tr("Zoom at the cursor; whole picture"));
+  line(tr("Drag"), tr("Move the picture"));
+  line(tr("Click, arrow keys"), tr("Pick a texel; pick its neighbour"));
+  line(tr("3D view"), {}, true);
+  line(tr("Drag on the sheet"), tr("The highlight follows the cursor"));
+  line(tr("Drag the lamp, arrow keys"), tr("Move the lamp"));
+  line(tr("Shift + drag, Ctrl + wheel, Page Up/Down"), tr("Height of the lamp"));
+  line(tr("Right drag, Shift + arrow keys"), tr("Orbit"));
+  line(tr("Middle drag"), tr("Move the view"));
+  line(tr("Wheel, + \u2212"), tr("Distance"));
+  line(tr("C, T"), tr("From the camera's place; from above"));
+  line(tr("Sphere"), {}, true);
+  line(tr("Drag, arrow keys"), tr("Move its light"));
+  line(tr("Photo strip"), {}, true);
+  line(tr("Left, Right, Home, End"), tr("Step through the photographs"));
+  table->horizontalHeader()->hide();
+  table->verticalHeader()->hide();
+  table->setShowGrid(false);
+  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  table->setSelectionMode(QAbstractItemView::NoSelection);
+  table->setFocusPolicy(Qt::StrongFocus);
+  table->resizeColumnsToContents();
+  table->horizontalHeader()->setStretchLastSection(true);
+  table->verticalHeader()->setDefaultSectionSize(fontMetrics().height() + 6);
+  auto* buttons = new QDialogButtonBox(QDialogButtonBox::Close, &dialog);
+  connect(buttons, &QDialogButtonBox::rejected, &dialog, &QDialog::reject);
+  auto* column = new QVBoxLayout(&dialog);
+  column->addWidget(table);
+  column->addWidget(buttons);
+  dialog.resize(fontMetrics().averageCharWidth() * 80, 560);
+  dialog.exec();
+}
+
+// ---- state kept between starts
+// --------------------------------------------------------------------------------
+
+void MainWindow::restoreState() {
+  if (!restoreGeometry(settings_.bytes("window/geometry"))) resize(1440, 900);
+  columns_->restoreState(settings_.bytes("window/columns"));
+  right_->restoreState(settings_.bytes("window/right"));
+  for (const char* name : {"show-viewport", "show-inspector", "show-strip"})
+    action(name)->setChecked(settings_.flag(QStringLiteral("window/") + name, true));
+  document_.restoreFitOptions(settings_.fitOptions());
+  document_.restoreLamp(settings_.lamp());
+  inspector_->setChannel(settings_.number("inspector/channel", 1));
+  inspector_->setDirection(settings_.number("inspector/direction", 0));
+  inspector_->setPage(settings_.number("inspector/page", 0));
+  inspector_->setFollowsCursor(settings_.flag("inspector/follow", true));
+  inspector_->setPhaseAboutLobe(settings_.flag("inspector/phase_about_lobe", true));
+  document_.undoStack()->clear();
+}
+
+void MainWindow::keepState() {
+  settings_.set("window/geometry", saveGeometry());
+  settings_.set("window/columns", columns_->saveState());
+  settings_.set("window/right", right_->saveState());
+  for (const char* name : {"show-viewport", "show-inspector", "show-strip"})
+    settings_.set(QStringLiteral("window/") + name, action(name)->isChecked());
+  settings_.setFitOptions(document_.fitOptions());
+  settings_.setLamp(document_.lamp());
+  settings_.set("inspector/channel", inspector_->channel());
+  settings_.set("inspector/direction", inspector_->direction());
+  settings_.set("inspector/page", inspector_->page());
+  settings_.set("inspector/follow", inspector_->followsCursor());
+  settings_.set("inspector/phase_about_lobe", inspector_->phaseAboutLobe());
+  settings_.sync();
+}
+
+}  // namespace patina

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <string>
+
+namespace patina {
+
+/// Turns the stages of a fit into one fraction and a time left. Stages have shares of the whole, learned from
+/// the last run.
+class ProgressEstimate {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// `secondsByStage` of an earlier run; empty: shares of a typical one.
+  explicit ProgressEstimate(const std::map<std::string, double>& secondsByStage = {},
+                            Clock::time_point start = Clock::now());
+
+  /// Notes that `stage` has `done` of `total`.
+  void update(const std::string& stage, std::int64_t done, std::int64_t total,
+              Clock::time_point now = Clock::now());
+
+  /// 0..1, never falling.
+  double fraction() const { return fraction_; }
+  /// Empty until enough is known: a second and two percent.
+  std::optional<std::chrono::seconds> left() const { return left_; }
+
+  /// A stage's id as a person reads it: "solve" is "Fitting texels".
+  static std::string title(const std::string& stage);
+
+ private:
+  std::map<std::string, double> share_;
+  Clock::time_point start_;
+  double fraction_ = 0;
+  std::optional<std::chrono::seconds> left_;
+};
+
+}  // namespace patina

@@ -1,0 +1,116 @@
+#include "widgets/fit_options_dialog.h"
+
+#include <QCheckBox>
+#include <QComboBox>
+#include <QDialogButtonBox>
+#include <QDoubleSpinBox>
+#include <QFormLayout>
+#include <QPushButton>
+#include <QSpinBox>
+
+#include "widgets/theme.h"
+
+namespace patina {
+
+FitOptionsDialog::FitOptionsDialog(const FourierFitOptions& options, QWidget* parent) : QDialog(parent) {
+  setWindowTitle(tr("Fit Options"));
+  setObjectName(QStringLiteral("fitOptions"));
+  size_ = new QSpinBox(this);
+  size_->setObjectName(QStringLiteral("optionSize"));
+  size_->setRange(0, 8192);
+  size_->setSingleStep(32);
+  size_->setSuffix(tr(" texels"));
+  size_->setSpecialValueText(tr("what the photographs resolve"));
+  lobe_ = new QComboBox(this);
+  lobe_->addItem(tr("Exact moments"), static_cast<int>(LobeMapping::ExactMoments));
+  lobe_->addItem(tr("Paper's affine map"), static_cast<int>(LobeMapping::PaperAffine));
+  weights_ = new QComboBox(this);
+  weights_->addItem(tr("From the photographs' noise"), static_cast<int>(MeasurementWeights::Noise));
+  weights_->addItem(tr("Paper's constant"), static_cast<int>(MeasurementWeights::PaperConstant));
+  iterations_ = new QSpinBox(this);
+  iterations_->setObjectName(QStringLiteral("optionIterations"));
+  iterations_->setRange(1, 1000);
+  toleranceExponent_ = new QDoubleSpinBox(this);
+  toleranceExponent_->setRange(-12, -1);
+  toleranceExponent_->setDecimals(1);
+  toleranceExponent_->setSingleStep(0.5);
+  toleranceExponent_->setPrefix(QStringLiteral("10^ "));
+  restarts_ = new QCheckBox(tr("Offer each texel its neighbours' solutions"), this);
+
+  auto* form = new QFormLayout;
+  form->setHorizontalSpacing(16);
+  form->setVerticalSpacing(4);
+  const auto row = [&](const QString& label, QWidget* field, const QString& effect) {
+    form->addRow(label, field);
+    field->setToolTip(effect);
+    auto* note = new QLabel(effect, this);
+    note->setProperty("role", "caption");
+    note->setFont(theme::captionFont());
+    note->setWordWrap(true);
+    note->setContentsMargins(0, 0, 0, 8);
+    form->addRow(QString(), note);
+  };
+  row(tr("Longest side of the maps"), size_,
+      tr("Larger: finer maps and a longer fit, but no new detail beyond the photographs."));
+  row(tr("Specular lobe"), lobe_,
+      tr("Exact moments halve the errors of satin samples; the paper's map is for comparison."));
+  row(tr("Weights"), weights_,
+      tr("Noise weights halve the errors of parameters at equal cost; the constant is for comparison."));
+  row(tr("Iterations at most"), iterations_,
+      tr("For each texel and start. More: slower, fewer texels stopped early."));
+  row(tr("Tolerance"), toleranceExponent_,
+      tr("Relative decrease of the cost at which a texel has converged. Smaller: slower."));
+  row(QString(), restarts_, tr("Rescues stuck texels at a few percent of the time."));
+
+  problems_ = new QLabel(this);
+  problems_->setWordWrap(true);
+  problems_->setStyleSheet(QStringLiteral("color: %1;").arg(theme::kError.name()));
+  buttons_ = new QDialogButtonBox(
+      QDialogButtonBox::Ok | QDialogButtonBox::Cancel | QDialogButtonBox::RestoreDefaults, this);
+  auto* column = new QVBoxLayout(this);
+  column->setContentsMargins(20, 18, 20, 14);
+  column->addLayout(form);
+  column->addWidget(problems_);
+  column->addWidget(buttons_);
+  setMinimumWidth(fontMetrics().averageCharWidth() * 72);
+  setOptions(options);
+  connect(buttons_, &QDialogButtonBox::accepted, this, &QDialog::accept);
+  connect(buttons_, &QDialogButtonBox::rejected, this, &QDialog::reject);
+  connect(buttons_->button(QDialogButtonBox::RestoreDefaults), &QPushButton::clicked, this,
+          [this] { setOptions(FourierFitOptions{}); });
+  connect(size_, &QSpinBox::valueChanged, this, &FitOptionsDialog::check);
+  connect(iterations_, &QSpinBox::valueChanged, this, &FitOptionsDialog::check);
+  connect(toleranceExponent_, &QDoubleSpinBox::valueChanged, this, &FitOptionsDialog::check);
+}
+
+FourierFitOptions FitOptionsDialog::options() const {
+  FourierFitOptions options;
+  options.size = size_->value();
+  options.lobe = static_cast<LobeMapping>(lobe_->currentData().toInt());
+  options.weights = static_cast<MeasurementWeights>(weights_->currentData().toInt());
+  options.maxIterations = iterations_->value();
+  options.tolerance = std::pow(10.0, toleranceExponent_->value());
+  options.neighbourRestarts = restarts_->isChecked();
+  return options;
+}
+
+void FitOptionsDialog::setOptions(const FourierFitOptions& options) {
+  size_->setValue(options.size);
+  lobe_->setCurrentIndex(lobe_->findData(static_cast<int>(options.lobe)));
+  weights_->setCurrentIndex(weights_->findData(static_cast<int>(options.weights)));
+  iterations_->setValue(options.maxIterations);
+  toleranceExponent_->setValue(std::log10(options.tolerance));
+  restarts_->setChecked(options.neighbourRestarts);
+  check();
+}
+
+void FitOptionsDialog::check() {
+  QStringList lines;
+  for (const std::string& problem : options().validate()) lines << QString::fromStdString(problem);
+  problems_->setText(lines.join('\n'));
+  problems_->setVisible(!lines.isEmpty());
+  buttons_->button(QDialogButtonBox::Ok)->setEnabled(lines.isEmpty());
+  buttons_->button(QDialogButtonBox::Ok)->setToolTip(lines.join('\n'));
+}
+
+}  // namespace patina

@@ -1,0 +1,333 @@
+#include "widgets/image_view.h"
+
+#include <QKeyEvent>
+#include <QWheelEvent>
+
+#include "widgets/theme.h"
+
+namespace patina {
+
+namespace {
+constexpr double kLargestZoom = 256, kSmallestZoom = 1.0 / 64;
+constexpr double kNearestFromZoom = 2;  ///< device pixels a picture pixel
+constexpr double kGridFromZoom = 24;    ///< from here single pixels are outlined
+constexpr int kMargin = 14;
+}  // namespace
+
+ImageView::ImageView(QWidget* parent) : QWidget(parent) {
+  setMouseTracking(true);
+  setFocusPolicy(Qt::StrongFocus);
+  setCursor(Qt::CrossCursor);
+  setAccessibleName(tr("Picture"));
+}
+
+void ImageView::setPicture(std::shared_ptr<const Image> image, ToneStyle style) {
+  const bool sameSize =
+      image && image_ && image->width() == image_->width() && image->height() == image_->height();
+  image_ = std::move(image);
+  style_ = style;
+  smaller_.clear();
+  stale_ = true;
+  if (!sameSize) zoomToFit();
+  if (!image_ && hover_) {
+    hover_.reset();
+    Q_EMIT hovered(hover_);
+  }
+  update();
+}
+
+void ImageView::setTone(const ToneSettings& tone) {
+  if (tone == tone_) return;
+  tone_ = tone;
+  stale_ = true;
+  update();
+}
+
+void ImageView::setEmptyText(const QString& text) {
+  emptyText_ = text;
+  update();
+}
+
+void ImageView::setMarker(std::optional<QPointF> place, bool asRing) {
+  marker_ = place;
+  markerIsRing_ = asRing;
+  update();
+}
+
+void ImageView::setOutline(const QPolygonF& outline) {
+  outline_ = outline;
+  update();
+}
+
+void ImageView::setView(double zoom, const QPointF& offset) {
+  zoom_ = std::clamp(zoom, kSmallestZoom, kLargestZoom);
+  offset_ = offset;
+  if (image_) {  // a strip of the picture always stays in sight
+    const double keep = 40;
+    offset_.setX(std::clamp(offset_.x(), keep - image_->width() * zoom_, width() - keep));
+    offset_.setY(std::clamp(offset_.y(), keep - image_->height() * zoom_, height() - keep));
+  }
+  stale_ = true;
+  update();
+  Q_EMIT zoomChanged(zoom_);
+}
+
+void ImageView::zoomToFit() {
+  fitted_ = true;
+  if (!image_ || image_->empty()) return;
+  const double zoom =
+      std::min((width() - 2.0 * kMargin) / image_->width(), (height() - 2.0 * kMargin) / image_->height());
+  const double kept = std::clamp(zoom, kSmallestZoom, kLargestZoom);
+  setView(kept, QPointF(width() - image_->width() * kept, height() - image_->height() * kept) / 2);
+}
+
+void ImageView::zoomTo(double zoom) {
+  zoomBy(zoom / zoom_, QPointF(width(), height()) / 2);
+}
+
+void ImageView::zoomBy(double factor, const QPointF& anchor) {
+  const double zoom = std::clamp(zoom_ * factor, kSmallestZoom, kLargestZoom);
+  const QPointF place = pictureFromWidget(anchor);
+  fitted_ = false;
+  setView(zoom, anchor - place * zoom);
+}
+
+const Image& ImageView::level(int index) {
+  const Image* from = image_.get();
+  for (int i = 0; i < index; ++i) {
+    if (from->width() < 2 || from->height() < 2) break;
+    if (i >= static_cast<int>(smaller_.size())) {
+      Image half(from->width() / 2, from->height() / 2, from->channels());
+      for (int y = 0; y < half.height(); ++y)
+        for (int x = 0; x < half.width(); ++x)
+          for (int c = 0; c < half.channels(); ++c)
+            half.at(x, y, c) = 0.25f * (from->at(2 * x, 2 * y, c) + from->at(2 * x + 1, 2 * y, c) +
+                                        from->at(2 * x, 2 * y + 1, c) + from->at(2 * x + 1, 2 * y + 1, c));
+      smaller_.reserve(16);  // references into it stay good
+      smaller_.push_back(std::move(half));
+    }
+    from = &smaller_[i];
+  }
+  return *from;
+}
+
+void ImageView::render() {
+  stale_ = false;
+  const double ratio = devicePixelRatioF();
+  const QSize size(std::max(1, static_cast<int>(std::ceil(width() * ratio))),
+                   std::max(1, static_cast<int>(std::ceil(height() * ratio))));
+  if (rendered_.size() != size) rendered_ = QImage(size, QImage::Format_RGB32);
+  rendered_.setDevicePixelRatio(ratio);
+  rendered_.fill(theme::kCanvas);
+  if (!image_ || image_->empty()) return;
+
+  const double scale = zoom_ * ratio;  // device pixels a picture pixel
+  const bool averaged = style_ != ToneStyle::Status;
+  const int wanted = averaged && scale < 1 ? static_cast<int>(std::floor(std::log2(1 / scale))) : 0;
+  const Image& from = level(std::min(wanted, 12));
+  const double toLevelX = static_cast<double>(from.width()) / image_->width() / scale;
+  const double toLevelY = static_cast<double>(from.height()) / image_->height() / scale;
+  const bool nearest = !averaged || scale >= kNearestFromZoom;
+  const ToneMapper tone(style_, tone_);
+  const QPointF origin = offset_ * ratio;
+  const int left = std::max(0, static_cast<int>(std::ceil(origin.x() - 0.5)));
+  const int right =
+      std::min(size.width(), static_cast<int>(std::ceil(origin.x() + image_->width() * scale - 0.5)));
+  const int top = std::max(0, static_cast<int>(std::ceil(origin.y() - 0.5)));
+  const int bottom =
+      std::min(size.height(), static_cast<int>(std::ceil(origin.y() + image_->height() * scale - 0.5)));
+  std::vector<float> mixed(from.channels());
+  std::vector<int> columns;
+  if (nearest)
+    for (int px = left; px < right; ++px)
+      columns.push_back(
+          std::clamp(static_cast<int>((px + 0.5 - origin.x()) * toLevelX), 0, from.width() - 1));
+  int previousRow = -1, previousLine = -1;
+  for (int py = top; py < bottom; ++py) {
+    auto* line = reinterpret_cast<QRgb*>(rendered_.scanLine(py));
+    const double y = (py + 0.5 - origin.y()) * toLevelY;
+    if (nearest) {
+      const int row = std::clamp(static_cast<int>(y), 0, from.height() - 1);
+      if (row == previousRow) {  // magnified rows repeat
+        const auto* same = reinterpret_cast<const QRgb*>(rendered_.constScanLine(previousLine));
+        std::copy(same + left, same + right, line + left);
+        continue;
+      }
+      int previousColumn = -1;
+      QRgb colour = 0;
+      for (int px = left; px < right; ++px) {
+        const int column = columns[px - left];
+        if (column != previousColumn) colour = tone(from.pixel(column, row));
+        previousColumn = column;
+        line[px] = colour;
+      }
+      previousRow = row;
+      previousLine = py;
+      continue;
+    }
+    const double cy = std::clamp(y - 0.5, 0.0, from.height() - 1.0);
+    const int y0 = static_cast<int>(cy), y1 = std::min(y0 + 1, from.height() - 1);
+    const auto fy = static_cast<float>(cy - y0);
+    for (int px = left; px < right; ++px) {
+      const double cx = std::clamp((px + 0.5 - origin.x()) * toLevelX - 0.5, 0.0, from.width() - 1.0);
+      const int x0 = static_cast<int>(cx), x1 = std::min(x0 + 1, from.width() - 1);
+      const auto fx = static_cast<float>(cx - x0);
+      for (int c = 0; c < from.channels(); ++c)
+        mixed[c] = (1 - fy) * ((1 - fx) * from.at(x0, y0, c) + fx * from.at(x1, y0, c)) +
+                   fy * ((1 - fx) * from.at(x0, y1, c) + fx * from.at(x1, y1, c));
+      line[px] = tone(mixed);
+    }
+  }
+}
+
+void ImageView::paintEvent(QPaintEvent*) {
+  QPainter painter(this);
+  if (stale_ || rendered_.devicePixelRatio() != devicePixelRatioF()) render();
+  painter.drawImage(0, 0, rendered_);
+  if (!image_) {
+    painter.setPen(theme::kTextDim);
+    painter.drawText(rect().adjusted(20, 20, -20, -20), Qt::AlignCenter | Qt::TextWordWrap, emptyText_);
+    if (hasFocus()) {
+      painter.setPen(theme::kAccent);
+      painter.drawRect(rect().adjusted(0, 0, -1, -1));
+    }
+    return;
+  }
+  painter.setRenderHint(QPainter::Antialiasing);
+  if (!outline_.isEmpty()) {
+    QPolygonF onScreen;
+    for (const QPointF& corner : outline_) onScreen << widgetFromPicture(corner);
+    painter.setPen(QPen(QColor(0, 0, 0, 120), 3));
+    painter.drawPolygon(onScreen);
+    painter.setPen(QPen(QColor(255, 255, 255, 190), 1, Qt::DashLine));
+    painter.drawPolygon(onScreen);
+  }
+  painter.setRenderHint(QPainter::Antialiasing, false);
+  if (hover_ && zoom_ >= kGridFromZoom) {
+    const QPointF corner = widgetFromPicture(*hover_);
+    painter.setPen(QPen(QColor(255, 255, 255, 110), 1));
+    painter.drawRect(QRectF(corner, QSizeF(zoom_, zoom_)));
+  }
+  if (marker_) {
+    painter.setRenderHint(QPainter::Antialiasing);
+    const QPointF middle = widgetFromPicture(*marker_ + QPointF(0.5, 0.5));
+    const double half = std::max(5.0, zoom_ / 2 + 1);
+    for (const auto& [colour, penWidth] :
+         {std::pair(QColor(0, 0, 0, 200), 3.5), std::pair(QColor(255, 255, 255), 1.5)}) {
+      painter.setPen(QPen(colour, penWidth));
+      if (markerIsRing_)
+        painter.drawEllipse(middle, 7.0, 7.0);
+      else
+        painter.drawRect(QRectF(middle.x() - half, middle.y() - half, 2 * half, 2 * half));
+      const double reach = (markerIsRing_ ? 7.0 : half);
+      for (const QPointF& way : {QPointF(1, 0), QPointF(-1, 0), QPointF(0, 1), QPointF(0, -1)})
+        painter.drawLine(middle + way * (reach + 2), middle + way * (reach + 8));
+    }
+  }
+  if (hasFocus()) {
+    painter.setRenderHint(QPainter::Antialiasing, false);
+    painter.setPen(theme::kAccent);
+    painter.setBrush(Qt::NoBrush);
+    painter.drawRect(rect().adjusted(0, 0, -1, -1));
+  }
+}
+
+void ImageView::resizeEvent(QResizeEvent* event) {
+  stale_ = true;
+  if (fitted_)
+    zoomToFit();
+  else if (event->oldSize().isValid())
+    setView(zoom_,
+            offset_ + QPointF(width() - event->oldSize().width(), height() - event->oldSize().height()) / 2);
+}
+
+void ImageView::wheelEvent(QWheelEvent* event) {
+  if (!image_) return;
+  const double notches = event->angleDelta().y() / 120.0;
+  zoomBy(std::pow(1.25, notches), event->position());
+  reportHover(event->position());
+  event->accept();
+}
+
+void ImageView::mousePressEvent(QMouseEvent* event) {
+  pressed_ = dragged_ = event->position();
+  dragging_ = false;
+}
+
+void ImageView::mouseMoveEvent(QMouseEvent* event) {
+  if (event->buttons() & (Qt::LeftButton | Qt::MiddleButton | Qt::RightButton)) {
+    if (!dragging_ && (event->position() - pressed_).manhattanLength() > 4) {
+      dragging_ = true;
+      setCursor(Qt::ClosedHandCursor);
+    }
+    if (dragging_ && image_) {
+      fitted_ = false;
+      setView(zoom_, offset_ + event->position() - dragged_);
+      dragged_ = event->position();
+    }
+  }
+  reportHover(event->position());
+}
+
+void ImageView::mouseReleaseEvent(QMouseEvent* event) {
+  if (dragging_) {
+    dragging_ = false;
+    setCursor(Qt::CrossCursor);
+    return;
+  }
+  if (event->button() != Qt::LeftButton || !image_) return;
+  const QPointF place = pictureFromWidget(event->position());
+  if (QRectF(0, 0, image_->width(), image_->height()).contains(place)) Q_EMIT clicked(place);
+}
+
+void ImageView::reportHover(const QPointF& position) {
+  std::optional<QPoint> pixel;
+  if (image_) {
+    const QPointF place = pictureFromWidget(position);
+    const QPoint candidate(static_cast<int>(std::floor(place.x())), static_cast<int>(std::floor(place.y())));
+    if (QRect(0, 0, image_->width(), image_->height()).contains(candidate)) pixel = candidate;
+  }
+  if (pixel == hover_) return;
+  hover_ = pixel;
+  if (zoom_ >= kGridFromZoom) update();
+  Q_EMIT hovered(hover_);
+}
+
+void ImageView::leaveEvent(QEvent*) {
+  if (!hover_) return;
+  hover_.reset();
+  update();
+  Q_EMIT hovered(hover_);
+}
+
+void ImageView::keyPressEvent(QKeyEvent* event) {
+  const QPointF middle(width() / 2.0, height() / 2.0);
+  switch (event->key()) {
+    case Qt::Key_Left:
+      Q_EMIT stepRequested({-1, 0});
+      break;
+    case Qt::Key_Right:
+      Q_EMIT stepRequested({1, 0});
+      break;
+    case Qt::Key_Up:
+      Q_EMIT stepRequested({0, -1});
+      break;
+    case Qt::Key_Down:
+      Q_EMIT stepRequested({0, 1});
+      break;
+    case Qt::Key_Plus:
+    case Qt::Key_Equal:
+      zoomBy(1.25, middle);
+      break;
+    case Qt::Key_Minus:
+      zoomBy(0.8, middle);
+      break;
+    case Qt::Key_0:
+      zoomToFit();
+      break;
+    default:
+      QWidget::keyPressEvent(event);
+  }
+}
+
+}  // namespace patina

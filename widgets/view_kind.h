@@ -1,0 +1,34 @@
+#pragma once
+
+#include <QString>
+#include <array>
+
+#include "engine/fourier/maps.h"
+#include "widgets/tone.h"
+
+namespace patina {
+
+/// What the picture in the middle of the window shows.
+enum class ViewKind { Photo, Diffuse, Specular, Normal, Sigma, Kurtosis, Residual, Status };
+inline constexpr int kViewKindCount = 8;
+
+/// How a kind is named, explained and coloured.
+struct ViewKindInfo {
+  ViewKind kind;
+  const char* id;       ///< stable, for settings
+  const char* title;    ///< on the tab
+  const char* unit;     ///< after a value; empty: a pure number
+  const char* meaning;  ///< one sentence for the tooltip
+  ToneStyle style;
+};
+
+const std::array<ViewKindInfo, kViewKindCount>& viewKinds();
+const ViewKindInfo& info(ViewKind kind);
+
+/// The map of a kind; null for `Photo`.
+const Image* mapOf(const SvbrdfMaps& maps, ViewKind kind);
+
+/// "0.412 0.388 0.301" or "0.0512", with the unit.
+QString valueText(ViewKind kind, std::span<const float> pixel);
+
+}  // namespace patina

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <QWidget>
+
+#include "widgets/document.h"
+
+class QDoubleSpinBox;
+class QLabel;
+
+namespace patina {
+
+class SheetViewport;
+class SphereView;
+
+/// The 3D side of the window: the fitted sheet, and beside it the sphere of one texel and the light's
+/// controls.
+class ViewportPanel : public QWidget {
+  Q_OBJECT
+
+ public:
+  explicit ViewportPanel(Document* document, QWidget* parent = nullptr);
+  /// The texel whose sphere is shown.
+  void setTexel(std::optional<QPoint> texel);
+  SheetViewport* sheet() { return sheet_; }
+  SphereView* sphere() { return sphere_; }
+
+ private:
+  void refresh();
+  Document* document_;
+  std::optional<QPoint> texel_;
+  SheetViewport* sheet_;
+  SphereView* sphere_;
+  QLabel* lampText_;
+  QDoubleSpinBox *exposure_, *height_;
+  bool updating_ = false;
+};
+
+}  // namespace patina
