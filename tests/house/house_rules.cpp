@@ -79,7 +79,7 @@ const std::vector<std::pair<Library, std::regex>>& librarySignatures() {
         {Library::System,
          pattern(
              "^((sys|linux|bits|arpa|netinet|GL|EGL)/.*|(unistd|fcntl|poll|dirent|dlfcn|pthread|sched|errno|"
-             "signal|termios|immintrin|malloc|execinfo|spawn|cxxabi)\\.h)$")},
+             "signal|stdlib|stdio|string|math|time|termios|immintrin|malloc|execinfo|spawn|cxxabi)\\.h)$")},
         {Library::Standard, pattern("^[a-z_0-9]+$")},
     };
   }();

@@ -39,8 +39,8 @@ struct TruthErrors {
 };
 
 /// Compares at the fit's texel centres; truth is interpolated linearly where the resolutions differ. Left out
-/// are texels with another true sigma (by more than a hundredth) within `edgeTexels` of the fit's texels, and
-/// texels that the fit itself doesn't call measured.
+/// are texels that the fit itself doesn't call measured, and texels with a border between materials (a step
+/// of true sigma or gamma) within `edgeTexels` of the fit's texels.
 TruthErrors compareWithTruth(const SvbrdfMaps& fitted, const TruthMaps& truth, double edgeTexels = 2.0);
 
 /// The value below which the fraction `p` of the values lies, linear between ranks; 0 for none. Sorts its
