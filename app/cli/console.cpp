@@ -18,19 +18,21 @@ constexpr auto kGuessAfter = std::chrono::seconds(2);  // a time left from less 
 
 /// Ids of the engine's stages, to a person. An id that isn't here is shown as it is.
 std::string titleOf(std::string_view stage) {
-  static const std::map<std::string_view, std::string> titles = {{"read", "Reading photographs"},
-                                                                 {"noise", "Estimating the noise"},
-                                                                 {"measure", "Measuring the spectrum"},
-                                                                 {"geometry", "Working out the geometry"},
-                                                                 {"guess", "Guessing a start"},
-                                                                 {"solve", "Fitting"},
-                                                                 {"restart", "Retrying stuck texels"},
-                                                                 {"maps", "Making the maps"},
-                                                                 {"holdout", "Checking the prediction"},
-                                                                 {"write", "Writing"},
-                                                                 {"dump", "Writing stage images"},
-                                                                 {"simulate", "Simulating photographs"},
-                                                                 {"render", "Rendering"}};
+  static const std::map<std::string_view, std::string> titles = {
+      {"read", "Reading photographs"},
+      {"noise", "Estimating the noise"},
+      {"measure", "Measuring the spectrum"},
+      {"geometry", "Working out the geometry"},
+      {"guess", "Guessing a start"},
+      {"solve", "Fitting"},
+      {"restart", "Retrying stuck texels"},
+      {"maps", "Making the maps"},
+      {"predict", "Predicting the photographs"},
+      {"holdout", "Checking against held-out photographs"},
+      {"write", "Writing"},
+      {"dump", "Writing stage images"},
+      {"simulate", "Simulating photographs"},
+      {"render", "Rendering"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }

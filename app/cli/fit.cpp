@@ -119,6 +119,7 @@ int runFit(FitArguments& arguments, Context& context) {
 
 void addFitVerb(CLI::App& program, Context& context) {
   CLI::App* verb = program.add_subcommand("fit", "Fits material maps to a capture bundle");
+  verb->set_help_flag("-h,--help", "Print this help");
   auto arguments = std::make_shared<FitArguments>();
   const FourierFitOptions defaults;
   const auto byDefault = [](const std::string& text, const std::string& value) {

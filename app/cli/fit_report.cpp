@@ -19,7 +19,10 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return text;
 }
 
+/// Seconds of the whole fit.
 double total(const FourierFitStats& stats) {
+  const auto given = stats.seconds.find("total");
+  if (given != stats.seconds.end()) return given->second;
   double seconds = 0;
   for (const auto& [stage, time] : stats.seconds) seconds += time;
   return seconds;
@@ -49,9 +52,10 @@ void printStats(const FourierFitStats& stats, Context& context) {
   console.say("");
   console.say("Time, s");
   for (const auto& [stage, seconds] : stats.seconds) {
+    if (stage == "total") continue;
     console.say(format("  %-22s %9.3f", stage.c_str(), seconds));
   }
-  console.say(format("  %-22s %9.3f", "all", total(stats)));
+  console.say(format("  %-22s %9.3f", "total", total(stats)));
   console.say(format("Threads                  %8d", stats.threads));
   console.say(format("Texels solved            %8zu", stats.texels));
   const auto solve = stats.seconds.find("solve");

@@ -263,12 +263,12 @@ void readHead(JsonObject& file) {
     file.fail(ErrorCode::Unsupported, "kind",
               "this is a " + inQuotes(kind) +
                   " capture, and fitting those is not built into this version of Patina yet",
-              "a bundle of kind 'fourier'");
+              "open a bundle of kind 'fourier'");
   }
   if (kind != "fourier") {
     file.fail(ErrorCode::Unsupported, "kind",
               inQuotes(kind) + " is not a kind of capture that this program knows",
-              "a bundle of kind 'fourier'");
+              "open a bundle of kind 'fourier'");
   }
 }
 

@@ -7,7 +7,7 @@
 namespace patina {
 namespace {
 
-/// Nearer to the camera's plane than this share of its distance, a projection is numerically meaningless.
+/// Nearer to the camera's plane than this share of the distances involved, a projection is rounding only.
 constexpr double kSmallestDepth = 1e-9;
 /// Newton's method stops here, in units of the focal length: 1e-6 of a pixel at f = 10000 px.
 constexpr double kUndistortTolerance = 1e-10;
@@ -86,7 +86,7 @@ Undistorted idealFromPixel(const Camera& camera, const Eigen::Vector2d& pixel) {
 
 std::optional<Eigen::Vector2d> Camera::pixelFromWorld(const Eigen::Vector3d& pointMm) const {
   const Eigen::Vector3d seen = cameraFromWorld * pointMm + translationMm;
-  if (!(seen.z() > kSmallestDepth * seen.norm())) return std::nullopt;
+  if (!(seen.z() > kSmallestDepth * (seen.norm() + translationMm.norm()))) return std::nullopt;
   const Distorted distorted = distort(distortion, {seen.x() / seen.z(), seen.y() / seen.z()});
   if (!(distorted.radialSlope > 0)) return std::nullopt;
   return Eigen::Vector2d(intrinsics(0, 0) * distorted.point.x() + intrinsics(0, 2),
