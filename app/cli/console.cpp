@@ -77,7 +77,8 @@ void Console::progress(std::string_view stage, std::int64_t done, std::int64_t t
     stageStart_ = now;
     last_ = -1;
   }
-  // Threads report in any order; what was done stays done.
+  // Threads report in any order; what was done stays done, and no more than all.
+  if (total > 0) done = std::min(done, total);
   if (done <= last_) return;
   last_ = done;
   const bool finished = total > 0 && done >= total;

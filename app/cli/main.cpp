@@ -69,7 +69,6 @@ int runProgram(int argc, char** argv) {
   program.set_version_flag("--version", "patina-cli " PATINA_VERSION, "Print the version");
   program.set_help_flag("-h,--help", "Print this help; 'patina-cli VERB --help' says more about one verb");
   program.require_subcommand(0, 1);
-  program.allow_extras();
   program.get_formatter()->column_width(34);
   program.footer(
       "Exit status: 0 done; 1 a fault of Patina's; 2 wrong use; 3 bad input (what, where and what to try are "
@@ -80,6 +79,8 @@ int runProgram(int argc, char** argv) {
 #endif
   addFitVerb(program, context);
   addMissingVerbs(program, context);
+  program.allow_extras();  // after the verbs, which would inherit it: an unknown verb is told from an unknown
+                           // option below
 
   try {
     program.parse(argc, argv);

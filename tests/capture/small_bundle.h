@@ -16,14 +16,16 @@ namespace patina::test {
 
 inline constexpr int kSmallSide = 12;  // pixels
 
-inline FourierCapture smallCapture(const std::filesystem::path& folder, int frequencies) {
+inline FourierCapture smallCapture(const std::filesystem::path& folder, int frequencies,
+                                   int side = kSmallSide) {
   FourierCapture capture;
   capture.folder = folder;
   capture.sampleWidthMm = capture.sampleHeightMm = 100;
   capture.sampleName = "test sheet";
   Camera& camera = capture.camera;
-  camera.width = camera.height = kSmallSide;
-  camera.intrinsics << 45, 0, (kSmallSide - 1) / 2.0, 0, 45, (kSmallSide - 1) / 2.0, 0, 0, 1;
+  camera.width = camera.height = side;
+  const double focal = 3.75 * side, centre = (side - 1) / 2.0;
+  camera.intrinsics << focal, 0, centre, 0, focal, centre, 0, 0, 1;
   const double s = std::sqrt(0.5);
   camera.cameraFromWorld << 1, 0, 0, 0, -s, -s, 0, s, -s;
   camera.translationMm = {0, 0, 450};
@@ -57,14 +59,14 @@ inline float smallRadiance(const FourierPhoto& photo) {
 }
 
 /// Writes capture.json and every photograph.
-inline FourierCapture writeSmallBundle(const std::filesystem::path& folder, int frequencies = 2) {
-  const FourierCapture capture = smallCapture(folder, frequencies);
+inline FourierCapture writeSmallBundle(const std::filesystem::path& folder, int frequencies = 2,
+                                       int side = kSmallSide) {
+  const FourierCapture capture = smallCapture(folder, frequencies, side);
   if (!writeFourierCapture(capture)) throw std::runtime_error("the bundle can't be written");
   for (const FourierPhoto& photo : capture.photos) {
-    Image image(kSmallSide, kSmallSide, 3, smallRadiance(photo));
-    for (int y = 0; y < kSmallSide; ++y) {
-      for (int x = 0; x < kSmallSide; ++x)
-        image.at(x, y, 1) *= 1.0f + 0.002f * static_cast<float>((x + 2 * y) % 5);
+    Image image(side, side, 3, smallRadiance(photo));
+    for (int y = 0; y < side; ++y) {
+      for (int x = 0; x < side; ++x) image.at(x, y, 1) *= 1.0f + 0.002f * static_cast<float>((x + 2 * y) % 5);
     }
     if (!writeExr(folder / photo.file, image, {"R", "G", "B"})) throw std::runtime_error("no photograph");
   }
