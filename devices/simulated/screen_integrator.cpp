@@ -86,8 +86,7 @@ ScreenIntegrator::ScreenIntegrator(const Screen& screen, std::vector<Eigen::Vect
   while (finestAllowed_ < kFinestLevel && bytes(finestAllowed_ + 1) <= kMostBytes) ++finestAllowed_;
 }
 
-// ---- where a point's nodes lie
-// -------------------------------------------------------------------------------------
+// ---- where a point's nodes lie ----
 
 ScreenIntegrator::Frame ScreenIntegrator::frameOf(const Eigen::Vector3d& pointMm,
                                                   const Eigen::Vector3d& toView,
@@ -193,8 +192,7 @@ int ScreenIntegrator::finestLevel(const Eigen::Vector3d& pointMm, const Eigen::V
   return finest;
 }
 
-// ---- what depends on the patterns only
-// -----------------------------------------------------------------------------
+// ---- what depends on the patterns only ----
 
 void ScreenIntegrator::fillFinest(Level& level, std::size_t firstFrequency, std::size_t endFrequency,
                                   const std::stop_token& stop) const {
@@ -333,8 +331,7 @@ bool ScreenIntegrator::prepare(int finest, const std::stop_token& stop) {
   return !stop.stop_requested();
 }
 
-// ---- one point
-// -----------------------------------------------------------------------------------------------------
+// ---- one point ----
 
 /// slopeSigma 0: the Lambertian term. Otherwise one of the lobe's two Gaussians, of weight 1/2.
 void ScreenIntegrator::accumulate(const Frame& frame, const Patch& patch, double slopeSigma,
@@ -355,12 +352,14 @@ void ScreenIntegrator::accumulate(const Frame& frame, const Patch& patch, double
   const float gaussian = slopeSigma > 0 ? f(0.5 / (2 * kPi * slopeSigma * slopeSigma)) : 0.0f;
   const float exponent = slopeSigma > 0 ? f(-0.5 / (slopeSigma * slopeSigma)) : 0.0f;
   Eigen::ArrayXf invD(count), nl(count), kernel(count), a(count), b(count), c(count), lv(count);
+  const float cut = f(-0.5 * quality_.lobeReach * quality_.lobeReach);
   Eigen::Map<Eigen::VectorXf> total(response.data(), static_cast<Eigen::Index>(stride_));
 
   for (int ky = patch.y0; ky <= patch.y1; ++ky) {
     const float ly = f(ky * level.spacing - frame.point.y());
     invD = (lx.square() + (ly * ly + lz * lz)).rsqrt();
     nl = ((lx * n.x() + (ly * n.y() + lz * n.z())) * invD).max(0.0f);
+    int first = 0, last = count;
     if (slopeSigma <= 0) {
       kernel = nl * invD.cube() * (d / f(kPi));  // n.l / pi, times cosine at the screen d / D, over D^2
     } else {
@@ -368,7 +367,13 @@ void ScreenIntegrator::accumulate(const Frame& frame, const Patch& patch, double
       c = (nl + nv).inverse();                                                   // 1 / s.n
       a = ((lx * t1.x() + (ly * t1.y() + lz * t1.z())) * invD + t1.dot(o)) * c;  // slope of the half-vector
       b = ((lx * t2.x() + (ly * t2.y() + lz * t2.z())) * invD + t2.dot(o)) * c;
-      kernel = ((a.square() + b.square()) * exponent).exp() * gaussian;
+      kernel = (a.square() + b.square()) * exponent;
+      // Only the part of the row that the lobe reaches. Beyond, numbers soon become denormal, which would
+      // cost far more time than all the rest.
+      while (first < last && !(kernel[first] > cut)) ++first;
+      while (last > first && !(kernel[last - 1] > cut)) --last;
+      if (first == last) continue;
+      kernel = kernel.max(cut).exp() * gaussian;
       a = (2 + 2 * lv).max(0.0f);           // |s|^2
       kernel *= (a * c.square()).square();  // (n.h)^-4
       b = (1 - 0.5f * a.sqrt()).max(0.0f);  // 1 - l.h
@@ -382,10 +387,10 @@ void ScreenIntegrator::accumulate(const Frame& frame, const Patch& patch, double
       kernel *= f(e.gain) * (-0.5f * (((lx / d - f(e.mean.x())) / f(e.sigma.x())).square() + qy * qy)).exp();
     }
     const float* sums = level.sums.data() + (static_cast<std::size_t>(ky + level.reachY) * level.nodesX() +
-                                             static_cast<std::size_t>(patch.x0 + level.reachX)) *
+                                             static_cast<std::size_t>(patch.x0 + first + level.reachX)) *
                                                 stride_;
-    const Eigen::Map<const Eigen::MatrixXf> block(sums, static_cast<Eigen::Index>(stride_), count);
-    total.noalias() += block * kernel.matrix();
+    const Eigen::Map<const Eigen::MatrixXf> block(sums, static_cast<Eigen::Index>(stride_), last - first);
+    total.noalias() += block * kernel.segment(first, last - first).matrix();
   }
 }
 

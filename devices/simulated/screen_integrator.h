@@ -17,7 +17,7 @@ struct IntegrationQuality {
   int cellsAcross = 1600;    ///< cells over the screen's width. More: sharper patterns, slower to prepare
   double nodesPerSigma = 3;  ///< samples of a lobe per standard deviation on the screen. More: finer, slower
   double nodesPerDistance = 16;  ///< samples of the diffuse term per distance between point and screen
-  double lobeReach = 6.5;        ///< a narrow lobe is cut off after so many standard deviations
+  double lobeReach = 5.5;        ///< a narrow lobe is cut off after so many standard deviations
 };
 
 /// What one point sends to the camera under every pattern, per unit of albedo.

@@ -124,8 +124,7 @@ std::vector<Eigen::Vector2i> SimulatedCaptureOptions::defaultHeldOutFrequencies(
   return {{5, 0}, {0, 5}, {8, 8}, {8, -8}, {14, 0}, {0, 14}, {3, 1}, {7, 3}, {12, -5}};
 }
 
-// ---- the store of noise-free photographs
-// ---------------------------------------------------------------------------
+// ---- the store of noise-free photographs ----
 
 // Pages of an unlinked file beside the other temporary files: a megapixel capture is 2 GB, which the system
 // may write out rather than keep. Small ones never reach the disk.
@@ -188,8 +187,7 @@ Image SimulatedExposure::photo(int index) const {
   return image;
 }
 
-// ---- exposing
-// ------------------------------------------------------------------------------------------------------
+// ---- exposing ----
 
 Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSheet& sheet,
                                       const SimulatedCaptureOptions& options, const JobContext& job,

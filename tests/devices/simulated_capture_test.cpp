@@ -272,7 +272,7 @@ TEST(SimulateCapture, NoiseHasTheVarianceThatItShould) {
 TEST(SimulateCapture, ClipsAtTheGivenFullScale) {
   const Folder folder;
   const SimulatedSheet sheet = simulatedScene("laminate");
-  SimulatedRig rig = SimulatedRig::desk(12, sheet.widthMm, sheet.heightMm);
+  SimulatedRig rig = SimulatedRig::desk(8, sheet.widthMm, sheet.heightMm);
   const SimulatedCaptureOptions options = quick();
   const auto exposure = exposeSheet(rig, sheet, options, {});
   ASSERT_TRUE(exposure.ok());
