@@ -17,12 +17,10 @@
 #include "engine/base/atomic_file.h"
 #include "engine/base/file.h"
 #include "engine/base/text.h"
+#include "engine/image/exr_header.h"
 
 namespace patina {
 namespace {
-
-/// A data window may begin anywhere, but not so far away that offsets overflow.
-constexpr int kFarthestOrigin = 1 << 24;
 
 /// Bytes in memory as OpenEXR's stream. A read past the end throws, as OpenEXR expects.
 class MemoryInput : public Imf::IStream {
@@ -67,7 +65,7 @@ class MemoryOutput : public Imf::OStream {
   std::size_t at_ = 0;
 };
 
-/// OpenEXR then refuses a larger picture while it reads the header, before it makes tables for it.
+/// A second fence behind `checkExrHeader`.
 void limitOpenExrOnce() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -78,10 +76,6 @@ void limitOpenExrOnce() {
 
 Error malformed(const std::string& what, const std::string& where) {
   return {ErrorCode::Malformed, what, where, "save or copy the image again"};
-}
-
-bool looksLikeExr(std::string_view bytes) {
-  return bytes.starts_with(std::string_view("\x76\x2f\x31\x01", 4));
 }
 
 std::vector<std::string> channelNames(const Imf::Header& header) {
@@ -116,27 +110,15 @@ Result<T> guarded(const std::string& where, Body&& body) {
 
 Result<Image> readExrBytes(std::string_view bytes, const std::string& where,
                            const std::vector<std::string>& channels, std::optional<ImageSize> expected) {
-  if (bytes.empty()) return malformed("the file is empty", where);
-  if (!looksLikeExr(bytes)) return malformed("this is not an OpenEXR image", where);
+  const Result<ImageSize> checked = checkExrHeader(bytes, where, expected);
+  if (!checked) return checked.error();
   limitOpenExrOnce();
   return guarded<Image>(where, [&]() -> Result<Image> {
     MemoryInput stream(bytes, where);
     Imf::InputFile file(stream, 0);
     const Imath::Box2i window = file.header().dataWindow();
-    const std::int64_t width = std::int64_t{window.max.x} - window.min.x + 1;
-    const std::int64_t height = std::int64_t{window.max.y} - window.min.y + 1;
-    if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide ||
-        width * height > kMaxImagePixels) {
-      return malformed("an image of " + std::to_string(width) + " x " + std::to_string(height) +
-                           " pixels is more than this program reads",
-                       where);
-    }
-    if (std::abs(std::int64_t{window.min.x}) > kFarthestOrigin ||
-        std::abs(std::int64_t{window.min.y}) > kFarthestOrigin) {
-      return malformed("the image's data window lies absurdly far from its origin", where);
-    }
-    const ImageSize size{static_cast<int>(width), static_cast<int>(height)};
-    if (expected && size != *expected) return wrongSize(size, *expected, where);
+    const ImageSize size{window.max.x - window.min.x + 1, window.max.y - window.min.y + 1};
+    if (size != *checked) return malformed("the image's header contradicts itself", where);
     for (const std::string& name : channels) {
       const Imf::Channel* channel = file.header().channels().findChannel(name);
       if (!channel) {
@@ -156,7 +138,7 @@ Result<Image> readExrBytes(std::string_view bytes, const std::string& where,
     const std::size_t pixelBytes = channels.size() * sizeof(float);
     for (std::size_t c = 0; c < channels.size(); ++c) {
       frame.insert(channels[c], Imf::Slice::Make(Imf::FLOAT, image.samples().data() + c, window, pixelBytes,
-                                                 pixelBytes * width));
+                                                 pixelBytes * static_cast<std::size_t>(size.width)));
     }
     file.setFrameBuffer(frame);
     file.readPixels(window.min.y, window.max.y);
@@ -174,7 +156,8 @@ Result<Image> readExr(const std::filesystem::path& file, const std::vector<std::
 Result<std::vector<std::string>> exrChannels(const std::filesystem::path& file) {
   Result<std::string> bytes = readFile(file, kMaxImageFileBytes);
   if (!bytes) return bytes.error();
-  if (!looksLikeExr(*bytes)) return malformed("this is not an OpenEXR image", file.string());
+  const Result<ImageSize> checked = checkExrHeader(*bytes, file.string(), std::nullopt);
+  if (!checked) return checked.error();
   limitOpenExrOnce();
   return guarded<std::vector<std::string>>(file.string(), [&]() -> Result<std::vector<std::string>> {
     MemoryInput stream(*bytes, file.string());

@@ -292,7 +292,7 @@ TEST(CliFit, SaysBeforeTheWorkThatItCannotWrite) {
   TempFolder folder;
   test::writeSmallBundle(folder / "b", kFrequencies);
   test::writeText(folder / "file", "mine");
-  for (const std::string out :
+  for (const std::string& out :
        {(folder / "file").string(), (folder / "file" / "out").string(), std::string("/proc/x/out")}) {
     const Finished finished = cli({"fit", (folder / "b").string(), "--out", out});
     EXPECT_EQ(finished.status, 3) << out << ": " << finished.err;
