@@ -50,6 +50,7 @@ SolverSetup makeSetup(const FourierFitState& state) {
       setup.normalRows[k][j] = static_cast<float>(state.frame.screenFromWorld(j, k));
   for (const auto& group : state.measurements.plan.fitted)
     setup.frequency.push_back(group.frequency.cast<float>());
+  for (int k = 0; k < 2; ++k) setup.halfExtent[k] = static_cast<float>(state.frame.halfExtent[k]);
   setup.lobe = state.options.lobe;
   setup.maxIterations = state.options.maxIterations;
   setup.tolerance = static_cast<float>(state.options.tolerance);

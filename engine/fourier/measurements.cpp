@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <numbers>
 
 #include "engine/fourier/sensor_noise.h"
 
@@ -19,6 +20,84 @@ std::string photoName(const FourierCapture& capture, int index) {
 
 Error cancelledError() {
   return {ErrorCode::Cancelled, "the fit was cancelled while reading photographs", "", ""};
+}
+
+/// Black level and ambient light as the black photograph shows them, less its noise: each pixel moves towards
+/// the mean of its surroundings as far as the local variance is no more than noise (Lee's adaptive Wiener
+/// filter, 1980, with the noise known). One photograph's noise would otherwise enter every prediction. Only
+/// where each pixel is a site; groups have averaged already.
+void denoiseBlack(FourierMeasurements& m) {
+  const SiteSet& set = m.sites;
+  if (std::ranges::any_of(set.pixelCount, [](auto count) { return count > 1; })) return;
+  constexpr int kRadius = 4;  // 81 pixels: what is left of the noise is a ninth
+  std::vector<float> out(m.black);
+  tbb::parallel_for(0, set.imageHeight, [&](int y) {
+    for (int x = 0; x < set.imageWidth; ++x) {
+      const auto here = set.siteOfPixel[static_cast<std::size_t>(y) * set.imageWidth + x];
+      if (here < 0) continue;
+      double sum[3] = {}, square[3] = {};
+      int count = 0;
+      for (int j = std::max(0, y - kRadius); j <= std::min(set.imageHeight - 1, y + kRadius); ++j) {
+        for (int i = std::max(0, x - kRadius); i <= std::min(set.imageWidth - 1, x + kRadius); ++i) {
+          const auto there = set.siteOfPixel[static_cast<std::size_t>(j) * set.imageWidth + i];
+          if (there < 0) continue;
+          ++count;
+          for (int c = 0; c < 3; ++c) {
+            const double value = m.black[static_cast<std::size_t>(there) * 3 + c];
+            sum[c] += value;
+            square[c] += value * value;
+          }
+        }
+      }
+      for (int c = 0; c < 3; ++c) {
+        const double mean = sum[c] / count, variance = square[c] / count - mean * mean;
+        // Local variance of pure noise scatters by sqrt(2 / count); structure counts only beyond two of that.
+        const double noise = m.noise.variance(mean) * (1 + 2 * std::sqrt(2.0 / count));
+        const double keep = std::clamp(1 - noise / std::max(variance, 1e-30), 0.0, 1.0);
+        const std::size_t at = static_cast<std::size_t>(here) * 3 + c;
+        out[at] = static_cast<float>(mean + keep * (m.black[at] - mean));
+      }
+    }
+  });
+  for (std::size_t i = 0; i < out.size(); ++i) m.dc[i] += m.black[i] - out[i];
+  m.black = std::move(out);
+  m.blackVarianceShare = 1.0 / ((2 * kRadius + 1) * (2 * kRadius + 1));
+}
+
+/// Frequencies (larger component) from which on four times the frequency is beyond any lobe, or measured
+/// itself.
+constexpr int kEvenFrom = 10;
+
+/// The sum of a frequency's four photographs is 4 black + 4/pi F(0) - 8/(15 pi) Re F(4w) - ...: the part that
+/// the paper's Z discards holds the zero frequency over and over again. Joined with window - black by their
+/// variances, it knows Z(0) several times better.
+void sharpenZeroFrequency(FourierMeasurements& m, const std::vector<double>& evenSum, int evenGroups) {
+  if (evenGroups == 0) return;
+  const int frequencies = m.frequencyCount();
+  std::vector<int> quadruple;  // fitted frequency that is four times another, where there is one
+  for (const auto& group : m.plan.fitted) {
+    if (group.frequency.cwiseAbs().maxCoeff() < kEvenFrom) continue;
+    for (int f = 0; f < frequencies; ++f)
+      if (m.plan.fitted[f].frequency == 4 * group.frequency) quadruple.push_back(f);
+  }
+  for (std::size_t s = 0; s < m.sites.size(); ++s) {
+    for (int c = 0; c < 3; ++c) {
+      const std::size_t i = s * 3 + c;
+      double harmonic = 0;
+      for (const int f : quadruple) harmonic += m.z[(s * frequencies + f) * 6 + c];
+      const double sum = evenSum[i] / evenGroups + 8 / (15 * std::numbers::pi) * harmonic / evenGroups;
+      const double even = std::numbers::pi / 4 * (sum - 4 * m.black[i]);
+      const double pixels = m.sites.pixelCount[s];
+      const double blackVariance = m.blackVarianceShare * m.noise.variance(m.black[i]) / pixels;
+      const double scale = std::numbers::pi / 4 * std::numbers::pi / 4;
+      const double evenVariance =
+          scale * (4 * m.noise.variance(sum / 4) / pixels / evenGroups + 16 * blackVariance);
+      const double windowVariance = m.windowVariance(s, c);
+      const double weight = windowVariance / (windowVariance + evenVariance);
+      m.dc[i] = static_cast<float>(m.dc[i] + weight * (even - m.dc[i]));
+      m.dcVariances[i] = static_cast<float>(windowVariance * evenVariance / (windowVariance + evenVariance));
+    }
+  }
 }
 
 /// Values at or above which a decoded photograph carries no information; linear photographs have no such
@@ -200,6 +279,8 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
   std::optional<Error> failure;
   std::int64_t done = 0;
   NoiseSamples noiseSamples(frequencies);
+  std::vector<double> evenSum(count * 3, 0.0);
+  int evenGroups = 0;
 
   // Photographs that saturate count against their site; how many it can lose is the solver's decision.
   auto readSites = [&](int index) -> std::optional<std::vector<float>> {
@@ -257,6 +338,11 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
     for (std::size_t i = 0; i < count * 3; ++i)
       m.brightness[i] +=
           (photo[0][i] + photo[1][i] + photo[2][i] + photo[3][i]) / static_cast<float>(4 * frequencies);
+    if (plan.fitted[f].frequency.cwiseAbs().maxCoeff() >= kEvenFrom) {
+      ++evenGroups;
+      for (std::size_t i = 0; i < count * 3; ++i)
+        evenSum[i] += photo[0][i] + photo[1][i] + photo[2][i] + photo[3][i];
+    }
     noiseSamples.add(f, plan.fitted[f].frequency, photo, sites.pixelCount);
   });
   if (failure) return *failure;
@@ -273,6 +359,11 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
   m.noise = noiseSamples.estimate(m.fullScale);
   m.plan = std::move(plan);
   m.sites = std::move(sites);
+  denoiseBlack(m);
+  m.dcVariances.resize(count * 3);
+  for (std::size_t s = 0; s < count; ++s)
+    for (int c = 0; c < 3; ++c) m.dcVariances[s * 3 + c] = static_cast<float>(m.windowVariance(s, c));
+  sharpenZeroFrequency(m, evenSum, evenGroups);
   return m;
 }
 

@@ -55,17 +55,20 @@ struct SensorNoise {
   double variance(double radiance) const { return shot * std::max(radiance, 0.0) + read * read; }
 };
 
-/// Z(w) = (I1 - I3) - i (I0 - I2) at every site, Z(0) = window - black, and how sure they are.
+/// Z(w) = (I1 - I3) - i (I0 - I2) at every site, Z(0) from window - black and from the even sums of all high
+/// frequencies, and how sure they are.
 struct FourierMeasurements {
   MeasurementPlan plan;
   SiteSet sites;
   std::vector<float> z;                ///< [site][frequency][re R G B, im R G B]
   std::vector<float> dc;               ///< [site][R G B]
+  std::vector<float> dcVariances;      ///< [site][R G B]
   std::vector<float> black;            ///< [site][R G B]
   std::vector<float> brightness;       ///< [site][R G B]: mean radiance of the pattern photographs
   std::vector<float> clippedFraction;  ///< [site]
   SensorNoise noise;
-  double fullScale = 1;  ///< 99.9th percentile of window minus black
+  double blackVarianceShare = 1;  ///< of one photograph's variance that is left in `black`
+  double fullScale = 1;           ///< 99.9th percentile of window minus black
   std::size_t clippedSamples = 0;
 
   int frequencyCount() const { return static_cast<int>(plan.fitted.size()); }
@@ -74,9 +77,11 @@ struct FourierMeasurements {
   double variance(std::size_t site, int channel) const {
     return 2 * noise.variance(brightness[site * 3 + channel]) / sites.pixelCount[site];
   }
-  double dcVariance(std::size_t site, int channel) const {
-    return (noise.variance(dc[site * 3 + channel] + black[site * 3 + channel]) +
-            noise.variance(black[site * 3 + channel])) /
+  double dcVariance(std::size_t site, int channel) const { return dcVariances[site * 3 + channel]; }
+  /// Variance of window - black alone.
+  double windowVariance(std::size_t site, int channel) const {
+    const float level = black[site * 3 + channel];
+    return (noise.variance(dc[site * 3 + channel] + level) + blackVarianceShare * noise.variance(level)) /
            sites.pixelCount[site];
   }
 };

@@ -39,6 +39,13 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
       sumNoise += m.noise.variance(measured) / m.sites.pixelCount[s];
     };
     if (g == groups.size()) {  // the window alone
+      auto image = readPhoto(state.capture, state.capture.photos[m.plan.window]);
+      if (!image) {
+        std::scoped_lock lock(mutex);
+        if (!failure) failure = image.error();
+        return;
+      }
+      const std::vector<float> windowPhoto = sampleSites(m.sites, *image);
       DiffuseTransform diffuse(state.frame, {state.capture.sampleWidthMm, state.capture.sampleHeightMm},
                                {Eigen::Vector2d::Zero()}, method);
       float v[6];
@@ -48,7 +55,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
         const float d = normals[s].x() * v[0] + normals[s].y() * v[2] + normals[s].z() * v[4];
         const float l = lobes[s].transform(Eigen::Vector2f::Zero()).real();
         for (int c = 0; c < 3; ++c)
-          compare(s, m.dc[s * 3 + c] + m.black[s * 3 + c],
+          compare(s, windowPhoto[s * 3 + c],
                   m.black[s * 3 + c] + state.sites[s].diffuse[c] * d + state.sites[s].specular[c] * l);
       }
     } else {

@@ -33,7 +33,12 @@ std::complex<float> SiteLobe::transform(const Eigen::Vector2f& w) const {
   for (const auto& g : gaussian) {
     const float decay = 0.5f * (w.x() * w.x() * g.xx + 2 * w.x() * w.y() * g.xy + w.y() * w.y() * g.yy);
     if (decay > 25.0f) continue;  // 1e-11 of the peak
-    sum += std::polar(g.mass * std::exp(-decay), -(w.x() * g.meanX + w.y() * g.meanY));
+    const float x = w.x(), y = w.y();
+    const float skew =
+        (x * x * (x * g.third[0] + 3 * y * g.third[1]) + y * y * (3 * x * g.third[2] + y * g.third[3])) / 6;
+    // The tails beyond the rim count at the zero frequency and cancel at whole ones.
+    const float lit = 1 - (1 - g.lit) * std::max(0.0f, 1 - w.norm());
+    sum += std::polar(lit * g.mass * std::exp(-decay), skew - (x * g.meanX + y * g.meanY));
   }
   return sum;
 }
@@ -54,12 +59,21 @@ SiteLobe siteLobe(const ScreenFrame& frame, const SiteGeometry& site, const Svbr
     const auto m = mapping == LobeMapping::ExactMoments
                        ? lobeMoments(lobeSite(site), normal, width)
                        : lobeMomentsPaper(lobeSite(site), slopeX, slopeY, width, rows);
-    lobe.gaussian[l] = {static_cast<float>(0.5 * m.mass),
-                        static_cast<float>(m.meanX + site.footX),
-                        static_cast<float>(m.meanY + site.footY),
-                        static_cast<float>(m.xx),
-                        static_cast<float>(m.xy),
-                        static_cast<float>(m.yy)};
+    auto& g = lobe.gaussian[l];
+    g = {static_cast<float>(0.5 * m.mass),
+         static_cast<float>(m.meanX + site.footX),
+         static_cast<float>(m.meanY + site.footY),
+         static_cast<float>(m.xx),
+         static_cast<float>(m.xy),
+         static_cast<float>(m.yy),
+         1.0f,
+         {}};
+    for (int t = 0; t < 4; ++t) g.third[t] = static_cast<float>(m.third[t]);
+    if (mapping == LobeMapping::ExactMoments)
+      g.lit = static_cast<float>(
+          litFraction(m, static_cast<double>(site.footX), static_cast<double>(site.footY),
+                      static_cast<float>(frame.halfExtent.x()), static_cast<float>(frame.halfExtent.y()))
+              .value);
   }
   return lobe;
 }

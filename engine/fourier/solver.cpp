@@ -190,15 +190,30 @@ class Batch {
         store(row, kD, d[0]);
         store(row, kDx, dx[0]);
         store(row, kDy, dy[0]);
-        store(row, kS, half * (lobe[0].mass + lobe[1].mass));
-        store(row, kSl, half * (lobe[0].dMass[0] + lobe[1].dMass[0]));
-        store(row, kSk, half * (lobe[0].dMass[0] * dLogWidth[0] + lobe[1].dMass[0] * dLogWidth[1]));
-        store(row, kSx, half * (lobe[0].dMass[1] + lobe[1].dMass[1]));
-        store(row, kSy, half * (lobe[0].dMass[2] + lobe[1].dMass[2]));
+        Lanes value(0.0f), dValue[4] = {value, value, value, value};
+        for (int l = 0; l < 2; ++l) {
+          LitFraction<Lanes> lit{one, {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)}};
+          if (setup_.lobe == LobeMapping::ExactMoments)
+            lit = litFraction(lobe[l], footX_, footY_, setup_.halfExtent[0], setup_.halfExtent[1]);
+          value = mulAdd(lobe[l].mass, lit.value, value);
+          for (int p = 0; p < 3; ++p) {
+            const Lanes d0 = lobe[l].dMass[p] * lit.value + lobe[l].mass * lit.d[p];
+            dValue[p == 0 ? 0 : p + 1] = dValue[p == 0 ? 0 : p + 1] + d0;
+            if (p == 0) dValue[1] = mulAdd(d0, dLogWidth[l], dValue[1]);
+          }
+        }
+        store(row, kS, half * value);
+        store(row, kSl, half * dValue[0]);
+        store(row, kSk, half * dValue[1]);
+        store(row, kSx, half * dValue[2]);
+        store(row, kSy, half * dValue[3]);
         continue;
       }
       const Lanes wx(setup_.frequency[f - 1].x()), wy(setup_.frequency[f - 1].y());
       const Lanes wxx = half * wx * wx, wxy = wx * wy, wyy = half * wy * wy;
+      const Lanes sixth(1.0f / 6.0f);  // k3(w) / 6 with w's binomial weights
+      const Lanes wxxx = sixth * wx * wx * wx, wxxy = half * wx * wx * wy, wxyy = half * wx * wy * wy,
+                  wyyy = sixth * wy * wy * wy;
       Lanes s[2] = {Lanes(0.0f), Lanes(0.0f)};
       Lanes ds[4][2] = {{Lanes(0.0f), Lanes(0.0f)},
                         {Lanes(0.0f), Lanes(0.0f)},
@@ -208,7 +223,8 @@ class Batch {
         const LobeMoments<Lanes>& m = lobe[l];
         const Lanes decay = wxx * m.xx + wxy * m.xy + wyy * m.yy;
         const Lanes envelope = half * vexp(vmax(-decay, Lanes(-80.0f)));
-        const Lanes phase = wx * (m.meanX + footX_) + wy * (m.meanY + footY_);
+        const Lanes phase = wx * (m.meanX + footX_) + wy * (m.meanY + footY_) -
+                            (wxxx * m.third[0] + wxxy * m.third[1] + wxyy * m.third[2] + wyyy * m.third[3]);
         const Lanes re = envelope * Lanes(hn::CallCos(Tag(), phase.v)),
                     im = -(envelope * Lanes(hn::CallSin(Tag(), phase.v)));
         s[0] = mulAdd(m.mass, re, s[0]);
@@ -216,7 +232,9 @@ class Batch {
         for (int p = 0; p < 3; ++p) {
           // d value = (dM - M/2 w dC w) e - i (w dmean) M e
           const Lanes gain = m.dMass[p] - m.mass * (wxx * m.dXx[p] + wxy * m.dXy[p] + wyy * m.dYy[p]);
-          const Lanes turn = m.mass * (wx * m.dMeanX[p] + wy * m.dMeanY[p]);
+          const Lanes turn = m.mass * (wx * m.dMeanX[p] + wy * m.dMeanY[p] -
+                                       (wxxx * m.dThird[p][0] + wxxy * m.dThird[p][1] +
+                                        wxyy * m.dThird[p][2] + wyyy * m.dThird[p][3]));
           const Lanes dRe = gain * re + turn * im, dIm = gain * im - turn * re;
           const int target = p == 0 ? 0 : p + 1;
           ds[target][0] = ds[target][0] + dRe;

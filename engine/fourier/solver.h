@@ -20,8 +20,9 @@ struct FourierPriors {
 
 /// What all sites share.
 struct SolverSetup {
-  float normalRows[3][3];                  ///< world axis k in screen coordinates
-  std::vector<Eigen::Vector2f> frequency;  ///< pattern units, without the zero frequency
+  float normalRows[3][3];                       ///< world axis k in screen coordinates
+  std::vector<Eigen::Vector2f> frequency;       ///< pattern units, without the zero frequency
+  float halfExtent[2] = {3.14159265f, 1.767f};  ///< of the lit area, pattern units
   FourierPriors priors;
   LobeMapping lobe = LobeMapping::ExactMoments;
   int maxIterations = 40;
