@@ -121,12 +121,12 @@ void fitWith(benchmark::State& state, int threads, const FourierFitOptions& opti
 void BM_FitOnAllCores(benchmark::State& state) {
   fitWith(state, static_cast<int>(std::thread::hardware_concurrency()), {});
 }
-BENCHMARK(BM_FitOnAllCores)->Unit(benchmark::kSecond)->UseRealTime()->Iterations(1);
+BENCHMARK(BM_FitOnAllCores)->Unit(benchmark::kSecond)->UseRealTime()->MeasureProcessCPUTime()->Iterations(1);
 
 void BM_FitOnOneCore(benchmark::State& state) {
   fitWith(state, 1, {});
 }
-BENCHMARK(BM_FitOnOneCore)->Unit(benchmark::kSecond)->UseRealTime()->Iterations(1);
+BENCHMARK(BM_FitOnOneCore)->Unit(benchmark::kSecond)->UseRealTime()->MeasureProcessCPUTime()->Iterations(1);
 
 // The paper's first-order map of the lobe instead of exact moments, to know what exactness costs.
 void BM_FitPaperAffine(benchmark::State& state) {
@@ -134,7 +134,7 @@ void BM_FitPaperAffine(benchmark::State& state) {
   options.lobe = LobeMapping::PaperAffine;
   fitWith(state, static_cast<int>(std::thread::hardware_concurrency()), options);
 }
-BENCHMARK(BM_FitPaperAffine)->Unit(benchmark::kSecond)->UseRealTime()->Iterations(1);
+BENCHMARK(BM_FitPaperAffine)->Unit(benchmark::kSecond)->UseRealTime()->MeasureProcessCPUTime()->Iterations(1);
 
 void BM_ReadCaptureDescription(benchmark::State& state) {
   const Result<FourierCapture>& capture = benchCapture();
@@ -191,7 +191,11 @@ void BM_SimulateCapture(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * pixels * pixels);
   state.counters["peak_MiB"] = peakMebibytes();
 }
-BENCHMARK(BM_SimulateCapture)->Unit(benchmark::kSecond)->UseRealTime()->Iterations(1);
+BENCHMARK(BM_SimulateCapture)
+    ->Unit(benchmark::kSecond)
+    ->UseRealTime()
+    ->MeasureProcessCPUTime()
+    ->Iterations(1);
 
 }  // namespace
 }  // namespace patina::bench
