@@ -66,8 +66,8 @@ SimulatedRig SimulatedRig::desk(int pixels, double sheetWidthMm, double sheetHei
   screen.heightPx = 1080;
   screen.windowSigma = {1.0, 1.0 / screen.aspect()};
   screen.emission = ScreenEmission{{0.0, 0.0}, {1.6, 1.3}, 1.0};
-  // 250 mm from the sheet's centre, 42 degrees up, turned by a little: nobody sets up a desk exactly square.
-  const double screenUp = 42.0 * kPi / 180;
+  // 250 mm from the sheet's centre, 47 degrees up, turned by a little: nobody sets up a desk exactly square.
+  const double screenUp = 47.0 * kPi / 180;
   screen.originMm = Eigen::Vector3d(6.0, 250.0 * std::cos(screenUp), 250.0 * std::sin(screenUp));
   const Eigen::Vector3d normal = (Eigen::Vector3d(4.0, 0.0, 0.0) - screen.originMm).normalized();
   const Eigen::Vector3d up = (Eigen::Vector3d::UnitZ() - normal * normal.z()).normalized();

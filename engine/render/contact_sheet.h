@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "engine/fourier/maps.h"
+#include "engine/image/image.h"
+#include "engine/render/colour_map.h"
+
+namespace patina {
+
+struct ContactSheetOptions {
+  int panelSize = 300;    ///< longest side of a panel, pixels
+  std::string title;      ///< one line above; letters are shown as capitals
+  bool withRelit = true;  ///< a last panel: the sheet under a light
+};
+
+/// All maps of a fit on one page, display-encoded R G B: albedos (specular brightened by a power of two, said
+/// in its label), normals (slopes doubled), sigma, kurtosis and residual in colours with their range, status,
+/// and the sheet relit. Ranges run from the 1st to the 99th percentile of measured texels. Where gloss was
+/// not measured (mirror point off the screen) sigma, kurtosis and specular are hatched; unmeasured texels are
+/// grey. Empty maps give an empty image.
+Image contactSheet(const SvbrdfMaps& maps, const ContactSheetOptions& options = {});
+
+/// A one-channel map in colours over `low` to `high`, at the map's own size, display-encoded.
+Image colouredMap(const Image& map, float low, float high, ColourMap colours);
+
+/// The value below which `fraction` of the measured texels of a one-channel map lie; 0 where none was
+/// measured.
+float mapPercentile(const SvbrdfMaps& maps, const Image& map, float fraction);
+
+/// Pictures side by side with a margin and a label below each; display-encoded. Sizes may differ.
+Image labelledRow(const std::vector<Image>& pictures, const std::vector<std::string>& labels);
+
+}  // namespace patina
