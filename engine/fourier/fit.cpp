@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "engine/fourier/fit_state.h"
+#include "engine/fourier/tile.h"
 
 namespace patina {
 namespace {
@@ -56,40 +57,6 @@ SolverSetup makeSetup(const FourierFitState& state) {
   setup.tolerance = static_cast<float>(state.options.tolerance);
   return setup;
 }
-
-/// Gathers the data of a run of sites; owns the diffuse vectors that they point to.
-class Tile {
- public:
-  Tile(const FourierFitState& state, std::span<const std::uint32_t> sites) {
-    const FourierMeasurements& m = state.measurements;
-    const int frequencies = m.frequencyCount();
-    const std::size_t stride = static_cast<std::size_t>(frequencies + 1) * 6;
-    diffuse_.resize(sites.size() * stride);
-    for (std::size_t i = 0; i < sites.size(); ++i) {
-      const std::size_t s = sites[i];
-      SiteData site;
-      site.geometry = state.geometry(s);
-      state.diffuse->at(m.sites.pointMm[s].cast<double>(), diffuse_.data() + i * stride);
-      site.diffuse = diffuse_.data() + i * stride;
-      site.z = m.z.data() + s * frequencies * 6;
-      site.dc = m.dc.data() + s * 3;
-      for (int c = 0; c < 3; ++c) {
-        if (state.options.weights == MeasurementWeights::Noise) {
-          site.weight[c] = static_cast<float>(1 / m.variance(s, c));
-          site.dcWeight[c] = static_cast<float>(1 / m.dcVariance(s, c));
-        } else {
-          const auto w = static_cast<float>(160 / m.fullScale);  // App. E, for a full scale of 1
-          site.weight[c] = site.dcWeight[c] = w * w;
-        }
-      }
-      data.push_back(site);
-    }
-  }
-  std::vector<SiteData> data;
-
- private:
-  std::vector<float> diffuse_;
-};
 
 struct SolveState {
   std::vector<SiteSolution> solution;

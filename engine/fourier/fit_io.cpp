@@ -35,6 +35,7 @@ Json toJson(const FourierFit& fit) {
                      {"max_iterations", options.maxIterations},
                      {"tolerance", options.tolerance},
                      {"neighbour_restarts", options.neighbourRestarts},
+                     {"pool_neighbours", options.poolNeighbours},
                      {"effects", "none"}};
   json["cancelled"] = stats.cancelled;
   auto number = [](double value) -> Json { return value > 0 ? Json(value) : Json(nullptr); };
@@ -95,6 +96,7 @@ Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::
     state->options.maxIterations = options.at("max_iterations").get<int>();
     state->options.tolerance = options.at("tolerance").get<double>();
     state->options.neighbourRestarts = options.at("neighbour_restarts").get<bool>();
+    state->options.poolNeighbours = options.at("pool_neighbours").get<bool>();
     FourierFitStats& stats = state->stats;
     auto number = [&](const char* key) {
       return json.at(key).is_number() ? json.at(key).get<double>() : -1.0;

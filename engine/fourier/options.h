@@ -31,6 +31,10 @@ struct FourierFitOptions {
   bool neighbourRestarts = true;  ///< offer each texel its neighbours' solutions; rescues stuck texels at a
                                   ///< few percent of the time
 
+  bool poolNeighbours =
+      true;  ///< average a point's measurements with those of neighbouring pixels that the noise can't tell
+             ///< from it; off: every pixel alone, noisier where lobes are broad
+
   /// Every problem with the values, not only the first; empty when usable.
   std::vector<std::string> validate() const;
 };

@@ -36,9 +36,14 @@ std::complex<float> SiteLobe::transform(const Eigen::Vector2f& w) const {
     const float x = w.x(), y = w.y();
     const float skew =
         (x * x * (x * g.third[0] + 3 * y * g.third[1]) + y * y * (3 * x * g.third[2] + y * g.third[3])) / 6;
+    const float bend =
+        std::clamp((x * x * x * (x * g.fourth[0] + 4 * y * g.fourth[1]) + 6 * x * x * y * y * g.fourth[2] +
+                    y * y * y * (4 * x * g.fourth[3] + y * g.fourth[4])) /
+                       24,
+                   -kMostBend, kMostBend);
     // The tails beyond the rim count at the zero frequency and cancel at whole ones.
     const float lit = 1 - (1 - g.lit) * std::max(0.0f, 1 - w.norm());
-    sum += std::polar(lit * g.mass * std::exp(-decay), skew - (x * g.meanX + y * g.meanY));
+    sum += std::polar(lit * g.mass * std::exp(-decay) * (1 + bend), skew - (x * g.meanX + y * g.meanY));
   }
   return sum;
 }
@@ -67,8 +72,10 @@ SiteLobe siteLobe(const ScreenFrame& frame, const SiteGeometry& site, const Svbr
          static_cast<float>(m.xy),
          static_cast<float>(m.yy),
          1.0f,
+         {},
          {}};
     for (int t = 0; t < 4; ++t) g.third[t] = static_cast<float>(m.third[t]);
+    for (int t = 0; t < 5; ++t) g.fourth[t] = static_cast<float>(m.fourth[t]);
     if (mapping == LobeMapping::ExactMoments)
       g.lit = static_cast<float>(
           litFraction(m, static_cast<double>(site.footX), static_cast<double>(site.footY),

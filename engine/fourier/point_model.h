@@ -14,8 +14,9 @@ namespace patina {
 struct SiteLobe {
   struct Gaussian {
     float mass = 0, meanX = 0, meanY = 0, xx = 1, xy = 0, yy = 1;
-    float lit = 1;                              ///< share of the mass on the lit area
-    std::array<float, 4> third = {0, 0, 0, 0};  ///< cumulants xxx, xxy, xyy, yyy
+    float lit = 1;                                  ///< share of the mass on the lit area
+    std::array<float, 4> third = {0, 0, 0, 0};      ///< cumulants xxx, xxy, xyy, yyy
+    std::array<float, 5> fourth = {0, 0, 0, 0, 0};  ///< cumulants xxxx, xxxy, xxyy, xyyy, yyyy
   };
   std::array<Gaussian, 2> gaussian;
 

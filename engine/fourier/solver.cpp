@@ -60,6 +60,9 @@ HWY_INLINE Lanes mulAdd(Lanes a, Lanes b, Lanes c) {
 HWY_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
   return hn::IfThenElse(m, yes.v, no.v);
 }
+HWY_INLINE Lanes clampTo(Lanes x, float low, float high) {
+  return vmin(vmax(x, Lanes(low)), Lanes(high));
+}
 HWY_INLINE Mask less(Lanes a, Lanes b) {
   return hn::Lt(a.v, b.v);
 }
@@ -211,9 +214,13 @@ class Batch {
       }
       const Lanes wx(setup_.frequency[f - 1].x()), wy(setup_.frequency[f - 1].y());
       const Lanes wxx = half * wx * wx, wxy = wx * wy, wyy = half * wy * wy;
-      const Lanes sixth(1.0f / 6.0f);  // k3(w) / 6 with w's binomial weights
+      // k3(w) / 6 and k4(w) / 24 with w's binomial weights
+      const Lanes sixth(1.0f / 6.0f), fraction(1.0f / 24.0f), quarter(0.25f);
       const Lanes wxxx = sixth * wx * wx * wx, wxxy = half * wx * wx * wy, wxyy = half * wx * wy * wy,
                   wyyy = sixth * wy * wy * wy;
+      const Lanes wxxxx = fraction * wx * wx * wx * wx, wxxxy = sixth * wx * wx * wxy,
+                  wxxyy = quarter * wxy * wxy, wxyyy = sixth * wy * wy * wxy,
+                  wyyyy = fraction * wy * wy * wy * wy;
       Lanes s[2] = {Lanes(0.0f), Lanes(0.0f)};
       Lanes ds[4][2] = {{Lanes(0.0f), Lanes(0.0f)},
                         {Lanes(0.0f), Lanes(0.0f)},
@@ -222,11 +229,16 @@ class Batch {
       for (int l = 0; l < 2; ++l) {
         const LobeMoments<Lanes>& m = lobe[l];
         const Lanes decay = wxx * m.xx + wxy * m.xy + wyy * m.yy;
-        const Lanes envelope = half * vexp(vmax(-decay, Lanes(-80.0f)));
+        const Lanes bend = clampTo(wxxxx * m.fourth[0] + wxxxy * m.fourth[1] + wxxyy * m.fourth[2] +
+                                       wxyyy * m.fourth[3] + wyyyy * m.fourth[4],
+                                   -kMostBend, kMostBend);
+        const Lanes smooth = half * vexp(vmax(-decay, Lanes(-80.0f)));
+        const Lanes envelope = smooth * (one + bend);
         const Lanes phase = wx * (m.meanX + footX_) + wy * (m.meanY + footY_) -
                             (wxxx * m.third[0] + wxxy * m.third[1] + wxyy * m.third[2] + wyyy * m.third[3]);
-        const Lanes re = envelope * Lanes(hn::CallCos(Tag(), phase.v)),
-                    im = -(envelope * Lanes(hn::CallSin(Tag(), phase.v)));
+        const Lanes cosine(hn::CallCos(Tag(), phase.v)), sine(hn::CallSin(Tag(), phase.v));
+        const Lanes re = envelope * cosine, im = -(envelope * sine);
+        const Lanes bendRe = m.mass * smooth * cosine, bendIm = -(m.mass * smooth * sine);
         s[0] = mulAdd(m.mass, re, s[0]);
         s[1] = mulAdd(m.mass, im, s[1]);
         for (int p = 0; p < 3; ++p) {
@@ -235,7 +247,10 @@ class Batch {
           const Lanes turn = m.mass * (wx * m.dMeanX[p] + wy * m.dMeanY[p] -
                                        (wxxx * m.dThird[p][0] + wxxy * m.dThird[p][1] +
                                         wxyy * m.dThird[p][2] + wyyy * m.dThird[p][3]));
-          const Lanes dRe = gain * re + turn * im, dIm = gain * im - turn * re;
+          const Lanes dBend = wxxxx * m.dFourth[p][0] + wxxxy * m.dFourth[p][1] + wxxyy * m.dFourth[p][2] +
+                              wxyyy * m.dFourth[p][3] + wyyyy * m.dFourth[p][4];
+          const Lanes dRe = gain * re + turn * im + dBend * bendRe,
+                      dIm = gain * im - turn * re + dBend * bendIm;
           const int target = p == 0 ? 0 : p + 1;
           ds[target][0] = ds[target][0] + dRe;
           ds[target][1] = ds[target][1] + dIm;
@@ -448,10 +463,6 @@ HWY_INLINE void dampedStep(const Evaluation& e, Lanes lambda, Lanes (&step)[4]) 
 constexpr float kLogSigmaRange[2] = {-6.5f, 0.7f};
 constexpr float kLogKurtosisRange[2] = {-7.0f, 1.6f};
 constexpr float kSlopeRange = 1.5f;
-
-HWY_INLINE Lanes clampTo(Lanes x, float low, float high) {
-  return vmin(vmax(x, Lanes(low)), Lanes(high));
-}
 
 void SolveBatch(const SolverSetup& setup, std::span<const SiteData> data,
                 std::span<const LobeParameters> start, float* workspace, std::span<SiteSolution> out) {
