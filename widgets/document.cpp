@@ -115,7 +115,8 @@ class FitCommand : public QUndoCommand {
     for (const auto& kind : viewKinds()) {
       const Image* map = mapOf(maps, kind.kind);
       if (map)
-        tonesAfter_[static_cast<std::size_t>(kind.kind)] = automaticTone(kind.style, *map, &maps.status);
+        tonesAfter_[static_cast<std::size_t>(kind.kind)] =
+            automaticTone(kind.style, *map, &maps.status, unmeasuredStates(kind.kind));
     }
     // A pick made on maps of another size would be somewhere else.
     if (pickedAfter_ && before_ &&

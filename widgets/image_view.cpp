@@ -54,6 +54,31 @@ void ImageView::setMarker(std::optional<QPointF> place, bool asRing) {
   update();
 }
 
+void ImageView::setMask(std::shared_ptr<const Image> status, unsigned states) {
+  mask_ = std::move(status);
+  maskedStates_ = states;
+  stale_ = true;
+  update();
+}
+
+bool ImageView::masked(double x, double y) const {
+  if (!mask_ || mask_->width() != image_->width() || mask_->height() != image_->height()) return false;
+  const int column = std::clamp(static_cast<int>(x), 0, mask_->width() - 1);
+  const int row = std::clamp(static_cast<int>(y), 0, mask_->height() - 1);
+  const int state = static_cast<int>(mask_->at(column, row));
+  return state >= 0 && state < 32 && (maskedStates_ >> state & 1u);
+}
+
+void ImageView::focusInEvent(QFocusEvent* event) {
+  focusRing_.focusChanged(*event);
+  update();
+}
+
+void ImageView::focusOutEvent(QFocusEvent* event) {
+  focusRing_.focusChanged(*event);
+  update();
+}
+
 void ImageView::setOutline(const QPolygonF& outline) {
   outline_ = outline;
   update();
@@ -178,6 +203,15 @@ void ImageView::render() {
       line[px] = tone(mixed);
     }
   }
+  if (!mask_ || maskedStates_ == 0) return;
+  // Diagonal hatching in device pixels: plainly not a value of any ramp.
+  for (int py = top; py < bottom; ++py) {
+    auto* line = reinterpret_cast<QRgb*>(rendered_.scanLine(py));
+    const double y = (py + 0.5 - origin.y()) / scale;
+    for (int px = left; px < right; ++px)
+      if (masked((px + 0.5 - origin.x()) / scale, y))
+        line[px] = (px + py) % 8 < 2 ? qRgb(104, 104, 104) : qRgb(66, 66, 66);
+  }
 }
 
 void ImageView::paintEvent(QPaintEvent*) {
@@ -187,10 +221,7 @@ void ImageView::paintEvent(QPaintEvent*) {
   if (!image_) {
     painter.setPen(theme::kTextDim);
     painter.drawText(rect().adjusted(20, 20, -20, -20), Qt::AlignCenter | Qt::TextWordWrap, emptyText_);
-    if (hasFocus()) {
-      painter.setPen(theme::kAccent);
-      painter.drawRect(rect().adjusted(0, 0, -1, -1));
-    }
+    focusRing_.paint(painter, *this);
     return;
   }
   painter.setRenderHint(QPainter::Antialiasing);
@@ -224,12 +255,7 @@ void ImageView::paintEvent(QPaintEvent*) {
         painter.drawLine(middle + way * (reach + 2), middle + way * (reach + 8));
     }
   }
-  if (hasFocus()) {
-    painter.setRenderHint(QPainter::Antialiasing, false);
-    painter.setPen(theme::kAccent);
-    painter.setBrush(Qt::NoBrush);
-    painter.drawRect(rect().adjusted(0, 0, -1, -1));
-  }
+  focusRing_.paint(painter, *this);
 }
 
 void ImageView::resizeEvent(QResizeEvent* event) {
@@ -324,6 +350,9 @@ void ImageView::keyPressEvent(QKeyEvent* event) {
       break;
     case Qt::Key_0:
       zoomToFit();
+      break;
+    case Qt::Key_1:
+      zoomTo(1 / devicePixelRatioF());
       break;
     default:
       QWidget::keyPressEvent(event);

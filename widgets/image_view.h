@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "widgets/focus_ring.h"
 #include "widgets/tone.h"
 
 namespace patina {
@@ -28,6 +29,9 @@ class ImageView : public QWidget {
   /// The texel that the inspector shows, in picture pixels; drawn as an outlined square or, on photographs, a
   /// ring.
   void setMarker(std::optional<QPointF> place, bool asRing = false);
+  /// Pixels to hatch because they hold no measurement: those whose value here is one of `states` (bit i:
+  /// value i). Same size as the picture.
+  void setMask(std::shared_ptr<const Image> status, unsigned states);
   /// Drawn over the picture, in picture coordinates: the sample's outline on a photograph.
   void setOutline(const QPolygonF& outline);
 
@@ -59,6 +63,8 @@ class ImageView : public QWidget {
   void mouseMoveEvent(QMouseEvent* event) override;
   void mouseReleaseEvent(QMouseEvent* event) override;
   void leaveEvent(QEvent* event) override;
+  void focusInEvent(QFocusEvent* event) override;
+  void focusOutEvent(QFocusEvent* event) override;
   void keyPressEvent(QKeyEvent* event) override;
 
  private:
@@ -66,6 +72,7 @@ class ImageView : public QWidget {
   void setView(double zoom, const QPointF& offset);
   void reportHover(const QPointF& position);
   const Image& level(int index);
+  bool masked(double x, double y) const;
 
   std::shared_ptr<const Image> image_;
   std::vector<Image> smaller_;  ///< 2 x 2 averages, made when first wanted
@@ -75,6 +82,9 @@ class ImageView : public QWidget {
   std::optional<QPointF> marker_;
   bool markerIsRing_ = false;
   QPolygonF outline_;
+  std::shared_ptr<const Image> mask_;
+  unsigned maskedStates_ = 0;
+  FocusRing focusRing_;
 
   QImage rendered_;
   bool stale_ = true;

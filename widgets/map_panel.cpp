@@ -6,6 +6,7 @@
 #include <QTabBar>
 
 #include "widgets/colour_bar.h"
+#include "widgets/elided_label.h"
 #include "widgets/image_view.h"
 #include "widgets/photo_strip.h"
 #include "widgets/theme.h"
@@ -64,11 +65,11 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
   view_ = new ImageView(this);
   view_->setObjectName(QStringLiteral("mapView"));
   bar_ = new ColourBar(this);
-  caption_ = new QLabel(this);
+  caption_ = new ElidedLabel(this);
   caption_->setProperty("role", "caption");
   caption_->setFont(theme::captionFont());
   caption_->setMinimumWidth(50);
-  readout_ = new QLabel(this);
+  readout_ = new ElidedLabel(this);
   readout_->setObjectName(QStringLiteral("readout"));
   readout_->setFont(theme::numberFont());
   readout_->setMinimumWidth(50);
@@ -280,6 +281,10 @@ void MapPanel::refreshPicture() {
   caption_->setToolTip(caption);
   view_->setPicture(picture, info(kind_).style);
   view_->setOutline(outline);
+  if (fit && kind_ != ViewKind::Photo)
+    view_->setMask(std::shared_ptr<const Image>(fit, &fit->maps().status), unmeasuredStates(kind_));
+  else
+    view_->setMask(nullptr, 0);
   bar_->setVisible(picture != nullptr);
   if (fit && kind_ == ViewKind::Status) {
     std::array<std::size_t, kStatusCount> counts{};
@@ -375,8 +380,14 @@ void MapPanel::refreshReadout(std::optional<QPoint> pixel) {
   const Image* picture = view_->picture();
   if (!picture) return readout_->setText({});
   if (!pixel) return readout_->setText(tr("Move over the picture to read values"));
-  readout_->setText(placeText(*pixel) + QStringLiteral("   ") +
-                    valueText(kind_, picture->pixel(pixel->x(), pixel->y())));
+  QString text =
+      placeText(*pixel) + QStringLiteral("   ") + valueText(kind_, picture->pixel(pixel->x(), pixel->y()));
+  if (const auto fit = document_->fit(); fit && kind_ != ViewKind::Photo && kind_ != ViewKind::Status) {
+    const int status = static_cast<int>(fit->maps().status.at(pixel->x(), pixel->y()));
+    if (status != static_cast<int>(TexelStatus::Converged))
+      text += QStringLiteral("   (%1)").arg(statusName(status));
+  }
+  readout_->setText(text);
 }
 
 void MapPanel::applyTone(const ToneSettings& tone) {
@@ -388,8 +399,9 @@ void MapPanel::automaticRange() {
   const Image* picture = view_->picture();
   if (!picture || kind_ == ViewKind::Status) return;
   const auto fit = document_->fit();
-  ToneSettings tone = automaticTone(info(kind_).style, *picture,
-                                    kind_ != ViewKind::Photo && fit ? &fit->maps().status : nullptr);
+  ToneSettings tone =
+      automaticTone(info(kind_).style, *picture,
+                    kind_ != ViewKind::Photo && fit ? &fit->maps().status : nullptr, unmeasuredStates(kind_));
   tone.exposureEv = document_->tone(kind_).exposureEv;
   document_->endGesture();
   document_->setTone(kind_, tone);
@@ -402,7 +414,8 @@ void MapPanel::resetTone() {
   const auto fit = document_->fit();
   document_->endGesture();
   document_->setTone(kind_, automaticTone(info(kind_).style, *picture,
-                                          kind_ != ViewKind::Photo && fit ? &fit->maps().status : nullptr));
+                                          kind_ != ViewKind::Photo && fit ? &fit->maps().status : nullptr,
+                                          unmeasuredStates(kind_)));
   document_->endGesture();
 }
 

@@ -62,7 +62,7 @@ void PhotoLibrary::setCapture(std::shared_ptr<const FourierCapture> capture) {
 QImage PhotoLibrary::thumbnail(int photo) {
   if (!capture_ || photo < 0 || photo >= static_cast<int>(thumbnails_.size())) return {};
   if (thumbnails_[photo].isNull() && !failed_.count(photo) && asked_.insert(photo).second)
-    enqueue({bundle_, capture_, photo, false, tone_});
+    enqueue({bundle_, capture_, photo, false});
   return thumbnails_[photo];
 }
 
@@ -74,7 +74,7 @@ void PhotoLibrary::requestPhoto(int photo) {
       Q_EMIT photoReady(photo, kept_.front().second);
       return;
     }
-  enqueue({bundle_, capture_, photo, true, tone_});
+  enqueue({bundle_, capture_, photo, true});
 }
 
 void PhotoLibrary::enqueue(Work work) {
@@ -91,6 +91,9 @@ void PhotoLibrary::enqueue(Work work) {
 }
 
 void PhotoLibrary::run(std::stop_token stop) {
+  // The first photograph of a bundle that is read says how bright all of them are shown.
+  std::uint64_t toneOf = 0;
+  std::optional<ToneSettings> tone;
   while (!stop.stop_requested()) {
     Work work;
     {
@@ -99,14 +102,17 @@ void PhotoLibrary::run(std::stop_token stop) {
       work = std::move(queue_.front());
       queue_.pop_front();
     }
-    Outcome outcome = read(work);
+    if (work.bundle != toneOf) tone.reset();
+    toneOf = work.bundle;
+    Outcome outcome = read(work, tone);
+    if (!tone && !outcome.error) tone = outcome.tone;
     QMetaObject::invokeMethod(
         this, [this, outcome = std::move(outcome)]() mutable { receive(std::move(outcome)); },
         Qt::QueuedConnection);
   }
 }
 
-PhotoLibrary::Outcome PhotoLibrary::read(const Work& work) const {
+PhotoLibrary::Outcome PhotoLibrary::read(const Work& work, const std::optional<ToneSettings>& tone) const {
   Outcome outcome;
   outcome.work = work;
   auto image = reader_(*work.capture, work.capture->photos[work.photo]);
@@ -114,7 +120,7 @@ PhotoLibrary::Outcome PhotoLibrary::read(const Work& work) const {
     outcome.error = image.error();
     return outcome;
   }
-  outcome.tone = work.tone ? *work.tone : automaticTone(ToneStyle::LinearRgb, *image);
+  outcome.tone = tone ? *tone : automaticTone(ToneStyle::LinearRgb, *image);
   outcome.thumbnail =
       toneMapped(reduced(*image, kThumbnailSide), ToneMapper(ToneStyle::LinearRgb, outcome.tone));
   if (work.whole) outcome.image = std::make_shared<const Image>(std::move(*image));
@@ -132,10 +138,8 @@ void PhotoLibrary::receive(Outcome outcome) {
   }
   if (!tone_) {
     tone_ = outcome.tone;
-    const std::lock_guard lock(mutex_);
-    for (Work& waiting : queue_) waiting.tone = tone_;
+    Q_EMIT toneReady(*tone_);
   }
-  if (!outcome.work.tone && photo < static_cast<int>(capture_->photos.size())) Q_EMIT toneReady(*tone_);
   if (thumbnails_[photo].isNull()) ++loaded_;
   thumbnails_[photo] = outcome.thumbnail;
   Q_EMIT thumbnailReady(photo);

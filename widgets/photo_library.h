@@ -57,7 +57,6 @@ class PhotoLibrary : public QObject {
     std::shared_ptr<const FourierCapture> capture;
     int photo = 0;
     bool whole = false;
-    std::optional<ToneSettings> tone;
   };
   struct Outcome {
     Work work;
@@ -67,7 +66,7 @@ class PhotoLibrary : public QObject {
     std::optional<Error> error;
   };
   void run(std::stop_token stop);
-  Outcome read(const Work& work) const;
+  Outcome read(const Work& work, const std::optional<ToneSettings>& tone) const;
   void receive(Outcome outcome);
   void enqueue(Work work);
   void keep(int photo, std::shared_ptr<const Image> image);

@@ -84,8 +84,8 @@ void PlotWidget::setEmptyText(const QString& text) {
   update();
 }
 
-void PlotWidget::setLegendVisible(bool visible) {
-  legend_ = visible;
+void PlotWidget::setLegend(std::optional<Qt::Corner> corner) {
+  legend_ = corner;
   update();
 }
 
@@ -98,7 +98,9 @@ void PlotWidget::clear() {
 QRectF PlotWidget::frame() const {
   const QFontMetricsF metrics(theme::captionFont());
   const double left = metrics.horizontalAdvance(QStringLiteral("\u22120.000")) + metrics.height() + 10;
-  return QRectF(rect()).adjusted(left, 8, -12, -(2 * metrics.height() + 10));
+  const double below =
+      metrics.height() * (horizontal_.title.isEmpty() ? 1 : 2) + (horizontal_.title.isEmpty() ? 5 : 9);
+  return QRectF(rect()).adjusted(left, 6, -12, -below);
 }
 
 QPointF PlotWidget::place(const QPointF& value) const {
@@ -142,8 +144,10 @@ void PlotWidget::paintEvent(QPaintEvent*) {
       painter.setPen(QPen(Qt::white, 1.2));
       painter.setBrush(Qt::NoBrush);
       painter.drawEllipse(at, kDotRadius + 2.5, kDotRadius + 2.5);
-      const QString text =
-          of->name + QStringLiteral("  (%1, %2)").arg(readable(value->x()), readable(value->y()));
+      QString across = readable(value->x());
+      for (const auto& [tick, name] : horizontal_.ticks)  // a tick's name may differ from its place
+        if (tick == value->x()) across = name;
+      const QString text = of->name + QStringLiteral("  (%1, %2)").arg(across, readable(value->y()));
       const QFontMetricsF metrics(painter.font());
       QRectF box(0, 0, metrics.horizontalAdvance(text) + 12, metrics.height() + 6);
       box.moveCenter(at - QPointF(0, metrics.height() + 8));
@@ -191,7 +195,7 @@ void PlotWidget::paintAxes(QPainter& painter, const QRectF& area) {
   painter.setPen(theme::kTextDim);
   painter.drawText(
       QRectF(area.left() - 40, area.bottom() + metrics.height() + 4, area.width() + 52, metrics.height()),
-      Qt::AlignCenter, horizontal_.title);
+      Qt::AlignCenter, metrics.elidedText(horizontal_.title, Qt::ElideRight, area.width() + 48));
   painter.save();
   painter.translate(metrics.height() / 2 + 2, area.center().y());
   painter.rotate(-90);
@@ -241,7 +245,10 @@ void PlotWidget::paintLegend(QPainter& painter, const QRectF& area) {
     }
   if (rows == 0 || rows * metrics.height() + 10 > area.height() * 0.9) return;
   QRectF box(0, 0, widest + 38, rows * metrics.height() + 6);
-  box.moveTopRight(area.topRight() + QPointF(-6, 6));
+  if (*legend_ == Qt::BottomLeftCorner)
+    box.moveBottomLeft(area.bottomLeft() + QPointF(6, -6));
+  else
+    box.moveTopRight(area.topRight() + QPointF(-6, 6));
   painter.setPen(Qt::NoPen);
   painter.setBrush(QColor(28, 28, 28, 215));
   painter.drawRoundedRect(box, 4, 4);

@@ -38,14 +38,15 @@ class PlotWidget : public QWidget {
   /// Vertical lines behind the series, e.g. the screen's edges.
   void setGuides(std::vector<std::pair<double, QString>> guides);
   void setEmptyText(const QString& text);
-  void setLegendVisible(bool visible);
+  /// Where the legend stands; none hides it.
+  void setLegend(std::optional<Qt::Corner> corner);
   void clear();
   const std::vector<PlotSeries>& series() const { return series_; }
   const PlotAxis& horizontalAxis() const { return horizontal_; }
   const PlotAxis& verticalAxis() const { return vertical_; }
 
   QSize sizeHint() const override { return {380, 200}; }
-  QSize minimumSizeHint() const override { return {180, 90}; }
+  QSize minimumSizeHint() const override { return {180, 58}; }
 
  protected:
   void paintEvent(QPaintEvent* event) override;
@@ -65,7 +66,7 @@ class PlotWidget : public QWidget {
   std::vector<PlotSeries> series_;
   std::vector<std::pair<double, QString>> guides_;
   QString emptyText_;
-  bool legend_ = true;
+  std::optional<Qt::Corner> legend_ = Qt::TopRightCorner;
   std::optional<QPointF> cursor_;
 };
 

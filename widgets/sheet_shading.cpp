@@ -5,11 +5,12 @@
 #include <thread>
 
 #include "engine/surface/svbrdf.h"
-#include "widgets/tone.h"
 
 namespace patina {
 
 namespace {
+
+constexpr float kUnmeasuredRadiance = 0.012f;
 
 SvbrdfParameters parametersOf(const SvbrdfMaps& maps, int x, int y) {
   SvbrdfParameters parameters;
@@ -21,41 +22,41 @@ SvbrdfParameters parametersOf(const SvbrdfMaps& maps, int x, int y) {
   return parameters;
 }
 
-void shadeRow(const SvbrdfMaps& maps, const SheetView& view, int step, int row, std::uint8_t* line) {
-  const double intensity =
-      std::numbers::pi * view.referenceDistanceMm * view.referenceDistanceMm * std::exp2(view.exposureEv);
+void shadeRow(const SvbrdfMaps& maps, const SheetLighting& lighting, int step, int row,
+              std::span<float> line) {
+  const double intensity = std::numbers::pi * lighting.referenceDistanceMm * lighting.referenceDistanceMm;
   for (int x = 0; x < maps.width; x += step) {
     const int column = std::min(x + step / 2, maps.width - 1);
-    std::array<std::uint8_t, 3> colour{30, 30, 30};
-    if (static_cast<int>(maps.status.at(column, row)) != static_cast<int>(TexelStatus::NotMeasured)) {
+    Eigen::Array3f radiance = Eigen::Array3f::Constant(kUnmeasuredRadiance);
+    if (static_cast<TexelStatus>(static_cast<int>(maps.status.at(column, row))) != TexelStatus::NotMeasured) {
       const Eigen::Vector3d point(((column + 0.5) / maps.width - 0.5) * maps.widthMm,
                                   (0.5 - (row + 0.5) / maps.height) * maps.heightMm, 0);
-      const Eigen::Vector3d light = view.lightMm - point, eye = view.eyeMm - point;
+      const Eigen::Vector3d light = lighting.lightMm - point, eye = lighting.eyeMm - point;
       const double distance = light.norm();
-      const Eigen::Array3f radiance =
-          svbrdfBrdfTimesCos((light / distance).cast<float>(), eye.normalized().cast<float>(),
-                             parametersOf(maps, column, row)) *
-          static_cast<float>(intensity / (distance * distance));
-      for (int c = 0; c < 3; ++c) colour[c] = static_cast<std::uint8_t>(encodeSrgb8(radiance[c]));
+      radiance = svbrdfBrdfTimesCos((light / distance).cast<float>(), eye.normalized().cast<float>(),
+                                    parametersOf(maps, column, row)) *
+                 static_cast<float>(intensity / (distance * distance));
     }
     for (int u = x; u < std::min(x + step, maps.width); ++u)
-      std::copy(colour.begin(), colour.end(), line + 3 * u);
+      for (int c = 0; c < 3; ++c) line[3 * u + c] = radiance[c];
   }
 }
 
 }  // namespace
 
-void shadeSheet(const SvbrdfMaps& maps, const SheetView& view, int step, std::vector<std::uint8_t>& rgb) {
-  rgb.resize(static_cast<std::size_t>(maps.width) * maps.height * 3);
+void shadeSheet(const SvbrdfMaps& maps, const SheetLighting& lighting, int step, Image& radiance) {
+  if (radiance.width() != maps.width || radiance.height() != maps.height)
+    radiance = Image(maps.width, maps.height, 3);
   const auto line = [&](int row) {
-    return rgb.data() + static_cast<std::size_t>(maps.height - 1 - row) * maps.width * 3;
+    return radiance.samples().subspan(static_cast<std::size_t>(row) * maps.width * 3,
+                                      static_cast<std::size_t>(maps.width) * 3);
   };
   std::atomic<int> next = 0;
   const auto work = [&] {
     for (int row = next.fetch_add(step); row < maps.height; row = next.fetch_add(step)) {
-      shadeRow(maps, view, step, std::min(row + step / 2, maps.height - 1), line(row));
+      shadeRow(maps, lighting, step, std::min(row + step / 2, maps.height - 1), line(row));
       for (int repeat = row + 1; repeat < std::min(row + step, maps.height); ++repeat)
-        std::copy_n(line(row), static_cast<std::size_t>(maps.width) * 3, line(repeat));
+        std::copy(line(row).begin(), line(row).end(), line(repeat).begin());
     }
   };
   // Small sheets take less than a thread's start.

@@ -20,6 +20,7 @@
 #include <QWheelEvent>
 #include <numbers>
 
+#include "engine/render/tone_map.h"
 #include "widgets/theme.h"
 
 namespace patina {
@@ -31,6 +32,10 @@ constexpr double kBudgetMs = 30;  ///< of one shading while something moves
 constexpr int kRefineMs = 120;    ///< after the last movement the exact picture follows
 constexpr double kLeastElevationRad = 0.08;
 constexpr double kLampGrabPx = 16;
+constexpr double kReferenceDistance =
+    0.6;  ///< of the sheet's side: a white matt sheet so far below the lamp is just white
+constexpr double kStartingHeight = 0.42;   ///< of the sheet's side
+constexpr double kStartingDistance = 2.6;  ///< of the sheet's side
 
 vtkSmartPointer<vtkActor> flatActor(vtkPolyDataMapper* mapper, double r, double g, double b) {
   auto actor = vtkSmartPointer<vtkActor>::New();
@@ -147,6 +152,7 @@ void SheetViewport::rebuild() {
   pixels_->AllocateScalars(VTK_UNSIGNED_CHAR, 3);
   if (!placed_) {
     placed_ = true;
+    document_->restoreLamp(startingLamp());
     viewFromCamera();
   } else {
     placeScene();
@@ -160,8 +166,8 @@ void SheetViewport::viewFromCamera() {
   azimuthRad_ = std::atan2(eye.y(), eye.x());
   elevationRad_ = std::clamp(std::atan2(eye.z(), std::hypot(eye.x(), eye.y())), kLeastElevationRad,
                              std::numbers::pi / 2 - 0.001);
-  focusMm_.setZero();
-  distanceMm_ = 2.35 * sizeMm();
+  focusMm_ = {0, 0, 0.12 * sizeMm()};  // room for the lamp
+  distanceMm_ = kStartingDistance * sizeMm();
   applyCamera();
 }
 
@@ -169,16 +175,23 @@ void SheetViewport::viewFromAbove() {
   azimuthRad_ = -std::numbers::pi / 2;
   elevationRad_ = std::numbers::pi / 2 - 0.001;
   focusMm_.setZero();
-  distanceMm_ = 2.35 * sizeMm();
+  distanceMm_ = kStartingDistance * sizeMm();
   applyCamera();
 }
 
 void SheetViewport::resetLamp() {
   document_->endGesture();
-  LampState lamp;
-  lamp.exposureEv = document_->lamp().exposureEv;
-  document_->setLamp(lamp);
+  document_->setLamp(startingLamp());
   document_->endGesture();
+}
+
+LampState SheetViewport::startingLamp() const {
+  LampState lamp = document_->lamp();
+  if (!fit_) return lamp;
+  const Eigen::Vector3d eye = fit_->capture().camera.positionMm();
+  const double height = kStartingHeight * sizeMm(), rise = std::max(eye.z(), 0.3 * eye.norm());
+  lamp.positionMm = {-eye.x() * height / rise, -eye.y() * height / rise, height};
+  return lamp;
 }
 
 Eigen::Vector3d SheetViewport::eyeMm() const {
@@ -224,32 +237,35 @@ void SheetViewport::placeScene() {
 void SheetViewport::shade(bool exact) {
   if (!fit_) return update();
   const SvbrdfMaps& maps = fit_->maps();
-  SheetView view;
-  view.lightMm = document_->lamp().positionMm;
-  view.eyeMm = eyeMm();
-  view.exposureEv = document_->lamp().exposureEv;
+  SheetLighting lighting;
+  lighting.lightMm = document_->lamp().positionMm;
+  lighting.eyeMm = eyeMm();
+  lighting.referenceDistanceMm = kReferenceDistance * sizeMm();
   int step = 1;
   if (!exact && shadingMs_ > 0)  // what one exact shading would take, from the last
     while (shadingMs_ * shadingStep_ * shadingStep_ / (step * step) > kBudgetMs && step < 16) step *= 2;
   QElapsedTimer timer;
   timer.start();
-  shadeSheet(maps, view, step, rgb_);
+  shadeSheet(maps, lighting, step, radiance_);
+  const Image shown =
+      toneMap(radiance_, static_cast<float>(std::exp2(document_->lamp().exposureEv)), Highlights::Shoulder);
   shadingMs_ = std::max(0.01, timer.nsecsElapsed() * 1e-6);
   shadingStep_ = step;
-  std::copy(rgb_.begin(), rgb_.end(), static_cast<std::uint8_t*>(pixels_->GetScalarPointer()));
+  auto* bytes = static_cast<std::uint8_t*>(pixels_->GetScalarPointer());
+  const std::size_t line = static_cast<std::size_t>(maps.width) * 3;
+  for (int row = 0; row < maps.height; ++row) {  // textures begin at the bottom
+    const auto from = shown.samples().subspan(line * (maps.height - 1 - row), line);
+    std::transform(from.begin(), from.end(), bytes + line * row,
+                   [](float value) { return static_cast<std::uint8_t>(value * 255.0f + 0.5f); });
+  }
   pixels_->Modified();
   texture_->Modified();
   if (step > 1) refine_.start();
   update();
 }
 
-void SheetViewport::resizeGL(int width, int height) {
-  VtkWidget::resizeGL(width, height);
-}
-
 void SheetViewport::paintEvent(QPaintEvent* event) {
   QOpenGLWidget::paintEvent(event);
-  if (fit_ && usable() && !hasFocus()) return;
   QPainter painter(this);
   if (!usable() || !fit_) {
     painter.setPen(theme::kTextDim);
@@ -257,10 +273,23 @@ void SheetViewport::paintEvent(QPaintEvent* event) {
         rect().adjusted(24, 8, -24, -8), Qt::AlignCenter | Qt::TextWordWrap,
         !usable() ? failure() : tr("The fitted sheet appears here, under a light that you can drag."));
   }
-  if (hasFocus()) {
-    painter.setPen(theme::kAccent);
-    painter.drawRect(rect().adjusted(0, 0, -1, -1));
+  if (usable() && fit_) {
+    painter.setFont(theme::captionFont());
+    painter.setPen(QColor(255, 255, 255, 110));
+    painter.drawText(rect().adjusted(10, 6, -10, -6), Qt::AlignLeft | Qt::AlignBottom,
+                     tr("drag: highlight or lamp   right drag: orbit   click: pick"));
   }
+  focusRing_.paint(painter, *this);
+}
+
+void SheetViewport::focusInEvent(QFocusEvent* event) {
+  focusRing_.focusChanged(*event);
+  update();
+}
+
+void SheetViewport::focusOutEvent(QFocusEvent* event) {
+  focusRing_.focusChanged(*event);
+  update();
 }
 
 Eigen::Vector3d SheetViewport::rayThrough(const QPointF& position) const {

@@ -12,6 +12,7 @@
 #include <QTimer>
 
 #include "widgets/document.h"
+#include "widgets/focus_ring.h"
 #include "widgets/sheet_shading.h"
 #include "widgets/vtk_widget.h"
 
@@ -33,6 +34,8 @@ class SheetViewport : public VtkWidget {
   void viewFromCamera();  ///< where the capture's camera stood
   void viewFromAbove();
   void resetLamp();
+  /// Where the lamp starts: over the sheet so that the capture's camera sees its highlight in the middle.
+  LampState startingLamp() const;
   /// Milliseconds that the last shading took, and its step.
   double shadingMs() const { return shadingMs_; }
   int shadingStep() const { return shadingStep_; }
@@ -48,8 +51,9 @@ class SheetViewport : public VtkWidget {
   void mouseReleaseEvent(QMouseEvent* event) override;
   void wheelEvent(QWheelEvent* event) override;
   void keyPressEvent(QKeyEvent* event) override;
-  void resizeGL(int width, int height) override;
   void paintEvent(QPaintEvent* event) override;
+  void focusInEvent(QFocusEvent* event) override;
+  void focusOutEvent(QFocusEvent* event) override;
 
  private:
   enum class Drag { None, Undecided, Highlight, Lamp, Height, Orbit, Pan };
@@ -72,7 +76,8 @@ class SheetViewport : public VtkWidget {
   vtkSmartPointer<vtkLineSource> drop_;
   vtkSmartPointer<vtkPolyData> frame_, mark_;
   vtkSmartPointer<vtkActor> sheet_, lamp_, dropActor_, frameActor_, markActor_;
-  std::vector<std::uint8_t> rgb_;
+  Image radiance_;
+  FocusRing focusRing_;
   QTimer refine_, gesture_;
   double azimuthRad_ = -1.57, elevationRad_ = 0.9, distanceMm_ = 400;
   Eigen::Vector3d focusMm_{0, 0, 0};

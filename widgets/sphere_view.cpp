@@ -4,11 +4,31 @@
 #include <QKeyEvent>
 #include <numbers>
 
-#include "engine/surface/svbrdf.h"
+#include "engine/render/brdf_sphere.h"
+#include "engine/render/tone_map.h"
 #include "widgets/theme.h"
 #include "widgets/tone.h"
 
 namespace patina {
+
+namespace {
+
+constexpr int kStudioSamples = 24;  ///< enough for a small sphere, and quick enough to follow the cursor
+
+QImage bytesOf(const Image& displayEncoded) {
+  QImage out(displayEncoded.width(), displayEncoded.height(), QImage::Format_RGB32);
+  for (int y = 0; y < out.height(); ++y) {
+    auto* line = reinterpret_cast<QRgb*>(out.scanLine(y));
+    for (int x = 0; x < out.width(); ++x) {
+      const auto pixel = displayEncoded.pixel(x, y);
+      const auto part = [&](int c) { return static_cast<int>(pixel[c] * 255.0f + 0.5f); };
+      line[x] = qRgb(part(0), part(1), part(2));
+    }
+  }
+  return out;
+}
+
+}  // namespace
 
 SphereView::SphereView(QWidget* parent) : QWidget(parent) {
   setFocusPolicy(Qt::StrongFocus);
@@ -32,6 +52,22 @@ void SphereView::setExposure(double stops) {
   update();
 }
 
+void SphereView::setStudio(bool studio) {
+  studio_ = studio;
+  stale_ = true;
+  update();
+}
+
+void SphereView::focusInEvent(QFocusEvent* event) {
+  focusRing_.focusChanged(*event);
+  update();
+}
+
+void SphereView::focusOutEvent(QFocusEvent* event) {
+  focusRing_.focusChanged(*event);
+  update();
+}
+
 void SphereView::setToLight(const Eigen::Vector3f& toLight) {
   toLight_ = toLight.normalized();
   stale_ = true;
@@ -50,27 +86,15 @@ QImage SphereView::picture() {
   rendered_ = QImage(side, side, QImage::Format_ARGB32_Premultiplied);
   rendered_.fill(Qt::transparent);
   if (!material_) return rendered_;
-  SvbrdfParameters material = *material_;
-  const Eigen::Vector3f toView = Eigen::Vector3f::UnitZ();
-  // A light of irradiance pi: a white matt sphere has radiance 1 where it faces the light.
-  const float irradiance = static_cast<float>(std::numbers::pi * std::exp2(exposureEv_));
-  const float radius = side / 2.0f;
-  for (int y = 0; y < side; ++y) {
-    auto* line = reinterpret_cast<QRgb*>(rendered_.scanLine(y));
-    for (int x = 0; x < side; ++x) {
-      const float u = (x + 0.5f - radius) / radius, v = (radius - y - 0.5f) / radius, r = std::hypot(u, v);
-      // The last pixel of the rim fades, so that the outline is smooth.
-      const float cover = std::clamp((1 - r) * radius + 0.5f, 0.0f, 1.0f);
-      if (cover <= 0) continue;
-      const float inside = std::min(1.0f, 0.9995f / std::max(r, 1e-6f));
-      material.normal = Eigen::Vector3f(u * inside, v * inside, 0);
-      material.normal.z() = std::sqrt(std::max(1e-3f, 1 - material.normal.squaredNorm()));
-      material.normal.normalize();
-      const Eigen::Array3f radiance = svbrdfBrdfTimesCos(toLight_, toView, material) * irradiance;
-      const auto part = [&](int c) { return static_cast<int>(encodeSrgb8(radiance[c]) * cover + 0.5f); };
-      line[x] = qRgba(part(0), part(1), part(2), static_cast<int>(255 * cover + 0.5f));
-    }
-  }
+  const auto exposure = static_cast<float>(std::exp2(exposureEv_));
+  SphereLighting lighting;
+  lighting.studio = studio_;
+  lighting.toLight = toLight_;
+  // Alone, the light makes a white matt sphere just white where it faces it; in the room it is one of three.
+  lighting.lightIrradiance = Eigen::Array3f::Constant(studio_ ? 1.0f : std::numbers::pi_v<float>);
+  const float surround = linearFromSrgb(theme::kWindow.redF()) / exposure;
+  const Image radiance = brdfSphere(*material_, side, lighting, kStudioSamples, surround);
+  rendered_ = bytesOf(toneMap(radiance, exposure, Highlights::Shoulder));
   return rendered_;
 }
 
@@ -87,11 +111,7 @@ void SphereView::paintEvent(QPaintEvent*) {
   } else {
     painter.drawImage(ball(), picture());
   }
-  if (hasFocus()) {
-    painter.setPen(theme::kAccent);
-    painter.setBrush(Qt::NoBrush);
-    painter.drawRect(rect().adjusted(0, 0, -1, -1));
-  }
+  focusRing_.paint(painter, *this);
 }
 
 void SphereView::aim(const QPointF& position) {

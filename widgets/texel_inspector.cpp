@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "engine/surface/svbrdf.h"
+#include "widgets/elided_label.h"
 #include "widgets/plot_widget.h"
 #include "widgets/theme.h"
 
@@ -59,7 +60,7 @@ TexelInspector::TexelInspector(Document* document, QWidget* parent) : QWidget(pa
   coalesce_.setInterval(25);
   connect(&coalesce_, &QTimer::timeout, this, &TexelInspector::refresh);
 
-  title_ = new QLabel(this);
+  title_ = new ElidedLabel(this);
   title_->setObjectName(QStringLiteral("inspectorTitle"));
   title_->setMinimumWidth(40);
   follow_ = new QCheckBox(tr("Follow cursor"), this);
@@ -96,7 +97,8 @@ TexelInspector::TexelInspector(Document* document, QWidget* parent) : QWidget(pa
 
   magnitude_ = new PlotWidget(this);
   phase_ = new PlotWidget(this);
-  phase_->setLegendVisible(false);
+  phase_->setLegend(std::nullopt);
+  magnitude_->setLegend(Qt::BottomLeftCorner);
   lobe_ = new PlotWidget(this);
   magnitude_->setAccessibleName(tr("Magnitude over frequency"));
   phase_->setAccessibleName(tr("Phase over frequency"));
@@ -129,7 +131,7 @@ TexelInspector::TexelInspector(Document* document, QWidget* parent) : QWidget(pa
     for (const auto& [plot, stretch] : plots) column->addWidget(plot, stretch);
     return made;
   };
-  tabs_->addTab(page({direction_, aboutLobe_}, {{magnitude_, 3}, {phase_, 2}}), tr("Spectrum"));
+  tabs_->addTab(page({direction_, aboutLobe_}, {{magnitude_, 5}, {phase_, 3}}), tr("Spectrum"));
   tabs_->addTab(page({line_}, {{lobe_, 1}}), tr("Lobe"));
   tabs_->addTab(table_, tr("Parameters"));
   tabs_->setTabToolTip(0, tr("Magnitude and phase over frequency: measured, model, and the model's parts"));
@@ -286,7 +288,8 @@ void TexelInspector::refreshSpectrum(const FourierFit& fit, const QPoint& texel)
     (sample.holdout ? held : measured).points.emplace_back(place, std::abs(value));
     (sample.holdout ? phaseHeld : phaseMeasured).points.emplace_back(place, phaseOf(value, std::abs(*k)));
     noiseLevels.emplace_back(place, sample.noiseSigma[c]);
-    low = std::min(low, static_cast<double>(sample.noiseSigma[c]));
+    low = std::min({low, static_cast<double>(sample.noiseSigma[c]),
+                    std::max(std::abs(value), 0.2 * sample.noiseSigma[c])});
     high = std::max(high, std::abs(value));
   }
   std::sort(noiseLevels.begin(), noiseLevels.end(),
@@ -335,19 +338,16 @@ void TexelInspector::refreshSpectrum(const FourierFit& fit, const QPoint& texel)
     if (tick <= across.high) across.ticks.emplace_back(tick, QString::number(tick));
   PlotAxis up;
   up.logarithmic = true;
-  up.low = std::pow(10.0, std::floor(std::log10(low * 0.8) * 2) / 2);
-  up.high = std::pow(10.0, std::ceil(std::log10(high * 1.15) * 4) / 4);
+  up.low = low * 0.6;
+  up.high = high * 2;
   up.title = tr("|Z| (full white)");
   PlotAxis turn;
   turn.low = -190;
   turn.high = 190;
-  turn.title = aboutLobe_->isChecked() ? tr("phase about lobe (\u00b0)") : tr("phase (\u00b0)");
-  turn.ticks = {{-180, QStringLiteral("\u2212180")},
-                {-90, QStringLiteral("\u221290")},
-                {0, QStringLiteral("0")},
-                {90, QStringLiteral("90")},
-                {180, QStringLiteral("180")}};
+  turn.title = tr("phase (\u00b0)");
+  turn.ticks = {{-180, QStringLiteral("\u2212180")}, {0, QStringLiteral("0")}, {180, QStringLiteral("180")}};
   PlotAxis below = across;
+  across.title.clear();  // the phase plot below has it for both
   magnitude_->setAxes(across, up);
   phase_->setAxes(below, turn);
   magnitude_->setSeries({noise, diffuse, specular, model, measured, held});

@@ -216,6 +216,8 @@ void apply(QApplication& application) {
           "QToolButton:checked { background: %5; color: white; }"
           "QToolButton:focus { border-color: %7; }"
           "QToolButton:disabled { color: %6; }"
+          "#fitButton:enabled { background: %5; color: white; padding-left: 12px; padding-right: 14px; }"
+          "#fitButton:enabled:hover { background: #2f74b0; }"
           "QPushButton { background: %4; border: 1px solid %2; border-radius: 5px; padding: 5px 14px; }"
           "QPushButton:hover:enabled { background: #4a4a4a; }"
           "QPushButton:pressed { background: #333333; }"

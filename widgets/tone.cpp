@@ -104,7 +104,7 @@ QRgb ToneMapper::atFraction(double fraction) const {
   return qRgb(grey, grey, grey);
 }
 
-ToneSettings automaticTone(ToneStyle style, const Image& image, const Image* valid) {
+ToneSettings automaticTone(ToneStyle style, const Image& image, const Image* status, unsigned leftOut) {
   ToneSettings tone;
   if (style == ToneStyle::Status) {
     tone.high = kStatusCount - 1;
@@ -116,7 +116,7 @@ ToneSettings automaticTone(ToneStyle style, const Image& image, const Image* val
   std::vector<float> values;
   for (std::size_t i = 0; i < image.pixelCount(); i += stride) {
     const int x = static_cast<int>(i % image.width()), y = static_cast<int>(i / image.width());
-    if (valid && valid->at(x, y) == 0) continue;
+    if (status && (leftOut >> (static_cast<unsigned>(status->at(x, y)) & 31u) & 1u)) continue;
     const auto pixel = image.pixel(x, y);
     if (style == ToneStyle::Normal) {
       values.push_back(std::hypot(pixel[0], pixel[1]));

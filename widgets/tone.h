@@ -43,8 +43,10 @@ class ToneMapper {
 int encodeSrgb8(float linear);
 
 /// A sensible range for a picture: the 1st to 99th percentile for scalars, 0 to the 99.5th for colours,
-/// symmetric for normals. `valid`, where given, has one channel of the same size; texels at 0 are left out.
-ToneSettings automaticTone(ToneStyle style, const Image& image, const Image* valid = nullptr);
+/// symmetric for normals. `status`, where given, has one channel of the same
+/// size; texels whose state is among `leftOut` (bit i: state i) don't count.
+ToneSettings automaticTone(ToneStyle style, const Image& image, const Image* status = nullptr,
+                           unsigned leftOut = 1u);
 
 /// Colour and name of a TexelStatus value, for the status map and its legend.
 QRgb statusColour(int status);

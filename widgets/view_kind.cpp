@@ -53,6 +53,21 @@ const Image* mapOf(const SvbrdfMaps& maps, ViewKind kind) {
   return nullptr;
 }
 
+unsigned unmeasuredStates(ViewKind kind) {
+  const auto bit = [](TexelStatus status) { return 1u << static_cast<unsigned>(status); };
+  switch (kind) {
+    case ViewKind::Photo:
+    case ViewKind::Status:
+      return 0;
+    case ViewKind::Specular:
+    case ViewKind::Sigma:
+    case ViewKind::Kurtosis:
+      return bit(TexelStatus::NotMeasured) | bit(TexelStatus::MirrorOffScreen);
+    default:
+      return bit(TexelStatus::NotMeasured);
+  }
+}
+
 QString valueText(ViewKind kind, std::span<const float> pixel) {
   if (pixel.empty()) return {};
   if (kind == ViewKind::Status) return statusName(static_cast<int>(std::lround(pixel[0])));

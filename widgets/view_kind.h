@@ -28,6 +28,10 @@ const ViewKindInfo& info(ViewKind kind);
 /// The map of a kind; null for `Photo`.
 const Image* mapOf(const SvbrdfMaps& maps, ViewKind kind);
 
+/// States of texels that hold no measurement of this kind (bit i: state i): gloss is not measured where the
+/// mirror point is off the screen.
+unsigned unmeasuredStates(ViewKind kind);
+
 /// "0.412 0.388 0.301" or "0.0512", with the unit.
 QString valueText(ViewKind kind, std::span<const float> pixel);
 

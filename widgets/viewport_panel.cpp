@@ -1,5 +1,6 @@
 #include "widgets/viewport_panel.h"
 
+#include <QCheckBox>
 #include <QDoubleSpinBox>
 #include <QTimer>
 
@@ -13,6 +14,10 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
   sheet_ = new SheetViewport(document, this);
   sphere_ = new SphereView(this);
   sphere_->setObjectName(QStringLiteral("sphereView"));
+  studio_ = new QCheckBox(tr("In a room"), this);
+  studio_->setToolTip(
+      tr("Light the sphere by a grey room with two soft boxes as well: shows gloss as a photographer would"));
+  connect(studio_, &QCheckBox::toggled, sphere_, &SphereView::setStudio);
   lampText_ = new QLabel(this);
   lampText_->setFont(theme::captionFont());
   lampText_->setProperty("role", "caption");
@@ -39,20 +44,22 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
     made->setToolTip(tip);
     made->setFocusPolicy(Qt::StrongFocus);
     made->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
-    made->setStyleSheet(QStringLiteral("QToolButton { background: #3e3e3e; padding: 3px 5px; }"));
+    made->setFont(theme::captionFont());
+    made->setStyleSheet(QStringLiteral("QToolButton { background: #3e3e3e; padding: 3px 2px; }"));
     return made;
   };
   QToolButton* camera =
       button(tr("Camera"), tr("Look from where the capture's camera stood (C in the 3D view)"));
   QToolButton* above = button(tr("Above"), tr("Look straight down (T in the 3D view)"));
-  QToolButton* reset = button(tr("Reset lamp"), tr("Put the lamp back to where it starts"));
+  QToolButton* reset = button(tr("Reset"), tr("Put the lamp back to where it starts"));
 
   auto* controls = new QWidget(this);
-  controls->setFixedWidth(std::max(132, fontMetrics().averageCharWidth() * 19));
+  controls->setFixedWidth(std::max(164, fontMetrics().averageCharWidth() * 24));
   auto* column = new QVBoxLayout(controls);
-  column->setContentsMargins(8, 6, 8, 6);
+  column->setContentsMargins(8, 4, 8, 4);
   column->setSpacing(4);
   column->addWidget(sphere_, 1);
+  column->addWidget(studio_, 0, Qt::AlignHCenter);
   column->addWidget(lampText_);
   const auto row = [&](const QString& text, QWidget* field) {
     auto* line = new QHBoxLayout;
@@ -62,14 +69,14 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
     line->addWidget(field, 1);
     column->addLayout(line);
   };
-  row(tr("Lamp"), height_);
-  row(tr("Expo."), exposure_);
+  row(tr("Height"), height_);
+  row(tr("Exposure"), exposure_);
   auto* views = new QHBoxLayout;
   views->setSpacing(4);
   views->addWidget(camera);
   views->addWidget(above);
+  views->addWidget(reset);
   column->addLayout(views);
-  column->addWidget(reset);
 
   auto* across = new QHBoxLayout(this);
   across->setContentsMargins(0, 0, 0, 0);
@@ -119,7 +126,17 @@ void ViewportPanel::setTexel(std::optional<QPoint> texel) {
   const auto fit = document_->fit();
   if (!fit || !texel || !QRect(0, 0, fit->maps().width, fit->maps().height).contains(*texel))
     return sphere_->setMaterial(std::nullopt);
-  sphere_->setMaterial(fit->parametersAt(texel->x(), texel->y()));
+  sphere_->setMaterial(static_cast<TexelStatus>(static_cast<int>(
+                           fit->maps().status.at(texel->x(), texel->y()))) == TexelStatus::NotMeasured
+                           ? std::nullopt
+                           : std::optional(fit->parametersAt(texel->x(), texel->y())));
+}
+
+bool ViewportPanel::studio() const {
+  return studio_->isChecked();
+}
+void ViewportPanel::setStudio(bool studio) {
+  studio_->setChecked(studio);
 }
 
 void ViewportPanel::refresh() {
@@ -129,9 +146,8 @@ void ViewportPanel::refresh() {
   height_->setValue(lamp.positionMm.z());
   updating_ = false;
   sphere_->setExposure(lamp.exposureEv);
-  lampText_->setText(QStringLiteral("x %1  y %2 mm")
-                         .arg(lamp.positionMm.x(), 0, 'f', 0)
-                         .arg(lamp.positionMm.y(), 0, 'f', 0));
+  lampText_->setText(
+      tr("Lamp at x %1, y %2 mm").arg(lamp.positionMm.x(), 0, 'f', 0).arg(lamp.positionMm.y(), 0, 'f', 0));
 }
 
 }  // namespace patina

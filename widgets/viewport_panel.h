@@ -4,6 +4,7 @@
 
 #include "widgets/document.h"
 
+class QCheckBox;
 class QDoubleSpinBox;
 class QLabel;
 
@@ -23,6 +24,8 @@ class ViewportPanel : public QWidget {
   void setTexel(std::optional<QPoint> texel);
   SheetViewport* sheet() { return sheet_; }
   SphereView* sphere() { return sphere_; }
+  bool studio() const;
+  void setStudio(bool studio);
 
  private:
   void refresh();
@@ -31,6 +34,7 @@ class ViewportPanel : public QWidget {
   SheetViewport* sheet_;
   SphereView* sphere_;
   QLabel* lampText_;
+  QCheckBox* studio_;
   QDoubleSpinBox *exposure_, *height_;
   bool updating_ = false;
 };

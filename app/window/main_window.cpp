@@ -12,8 +12,10 @@
 #include <QSplitter>
 #include <QStackedWidget>
 #include <QStatusBar>
+#include <QTimer>
 #include <QUrl>
 
+#include "widgets/elided_label.h"
 #include "widgets/empty_state.h"
 #include "widgets/error_banner.h"
 #include "widgets/image_view.h"
@@ -58,6 +60,16 @@ MainWindow::MainWindow(Services services, const QString& settingsFile, QWidget* 
   setObjectName(QStringLiteral("mainWindow"));
   setWindowIcon(theme::icon(QStringLiteral("app")));
   setAcceptDrops(true);
+  ask_ = [this](const QString& title, const QString& text, const QString& goOn, bool maySave) {
+    QMessageBox question(QMessageBox::Question, title, text, QMessageBox::NoButton, this);
+    QPushButton* save = maySave ? question.addButton(tr("Save\u2026"), QMessageBox::AcceptRole) : nullptr;
+    QPushButton* agreed = question.addButton(goOn, QMessageBox::DestructiveRole);
+    QPushButton* stay = question.addButton(QMessageBox::Cancel);
+    question.setDefaultButton(save ? save : stay);
+    question.exec();
+    if (save && question.clickedButton() == save) return Answer::Save;
+    return question.clickedButton() == agreed ? Answer::GoOn : Answer::Stay;
+  };
   library_ = new PhotoLibrary(services_.readPhoto, this);
   buildContent();
   buildStatusBar();
@@ -123,7 +135,7 @@ void MainWindow::buildContent() {
 }
 
 void MainWindow::buildStatusBar() {
-  healthLabel_ = new QLabel(this);
+  healthLabel_ = new ElidedLabel(this);
   healthLabel_->setObjectName(QStringLiteral("health"));
   healthLabel_->setContentsMargins(8, 0, 8, 0);
   healthLabel_->setMinimumWidth(40);
@@ -171,6 +183,7 @@ void MainWindow::connectAll() {
   connect(&document_, &Document::fitChanged, this, [this] {
     refreshActions();
     refreshHealth();
+    refreshTitle();
   });
   connect(&document_, &Document::captureChanged, this, [this] {
     library_->setCapture(document_.capture());
@@ -208,7 +221,7 @@ void MainWindow::followTexel(std::optional<QPoint> texel) {
 // --------------------------------------------------------------------------------------------------
 
 void MainWindow::openPath(const QString& path) {
-  if (path.isEmpty() || !mayDiscardRunningFit(tr("open another bundle"))) return;
+  if (path.isEmpty() || !mayLoseFit(tr("open %1").arg(QFileInfo(path).fileName()), tr("Open"))) return;
   if (fitJob_.running()) fitJob_.abandon();
   const QString name = QFileInfo(path).fileName() == QStringLiteral("capture.json") ||
                                QFileInfo(path).fileName() == QStringLiteral("fit.json")
@@ -224,8 +237,7 @@ void MainWindow::openPath(const QString& path) {
         },
         [this, path, name](Result<std::shared_ptr<const FourierFit>> outcome) {
           if (!outcome) {
-            settings_.removeRecent(folderOf(path));
-            refreshRecent();
+            if (outcome.error().code == ErrorCode::NotFound) forget(path);
             return banner_->showError(tr("Opening the fit %1").arg(name), outcome.error());
           }
           const auto fit = *outcome;
@@ -244,13 +256,17 @@ void MainWindow::openPath(const QString& path) {
       [read = services_.readCapture, path](const JobContext& job) { return read(pathOf(path), job); },
       [this, path, name](Result<FourierCapture> outcome) {
         if (!outcome) {
-          settings_.removeRecent(folderOf(path));
-          refreshRecent();
+          if (outcome.error().code == ErrorCode::NotFound) forget(path);
           return banner_->showError(tr("Opening %1").arg(name), outcome.error());
         }
         opened(std::make_shared<const FourierCapture>(std::move(*outcome)), path);
         maps_->setKind(ViewKind::Photo);
       });
+}
+
+void MainWindow::forget(const QString& path) {
+  settings_.removeRecent(folderOf(path));
+  refreshRecent();
 }
 
 void MainWindow::opened(std::shared_ptr<const FourierCapture> capture, const QString& path) {
@@ -269,6 +285,7 @@ void MainWindow::opened(std::shared_ptr<const FourierCapture> capture, const QSt
       break;
     }
   strip_->setCurrentPhoto(first);
+  strip_->setFocus();  // the arrow keys step through the photographs
   if (!capture->ignoredKeys.empty()) {
     QStringList keys;
     for (const std::string& key : capture->ignoredKeys) keys << QString::fromStdString(key);
@@ -345,12 +362,16 @@ void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, c
   }
 }
 
-bool MainWindow::mayDiscardRunningFit(const QString& doing) {
-  if (!fitJob_.running()) return true;
-  const auto answer = QMessageBox::question(
-      this, tr("A fit is running"), tr("A fit is running. Stop it, drop what it has, and %1?").arg(doing),
-      QMessageBox::Yes | QMessageBox::No, QMessageBox::No);
-  return answer == QMessageBox::Yes;
+bool MainWindow::mayLoseFit(const QString& doing, const QString& goOn) {
+  const bool running = fitJob_.running(), unsaved = document_.fit() && !fitIsSaved_;
+  if (!running && !unsaved) return true;
+  const Answer answer =
+      running ? ask_(tr("A fit is running"),
+                     tr("A fit is running. Stop it, drop what it has, and %1?").arg(doing), goOn, false)
+              : ask_(tr("The fit is not saved"), tr("The fit is not saved. Lose it, and %1?").arg(doing),
+                     goOn, true);
+  if (answer == Answer::Save) chooseSaveFolder();  // what was asked for can be repeated once that is done
+  return answer == Answer::GoOn;
 }
 
 // ---- saving
@@ -391,8 +412,10 @@ void MainWindow::refreshTitle() {
   const bool unsaved = document_.fit() && !fitIsSaved_;
   setWindowTitle(
       QStringLiteral("%1%2 \u2014 Patina").arg(name, unsaved ? tr(" (fit not saved)") : QString()));
+  const QString shown = capture->sampleName.empty() ? name : QString::fromStdString(capture->sampleName);
   QString text = QStringLiteral("<b>%1</b>")
-                     .arg((capture->sampleName.empty() ? name : QString::fromStdString(capture->sampleName))
+                     .arg(fontMetrics()
+                              .elidedText(shown, Qt::ElideMiddle, fontMetrics().averageCharWidth() * 34)
                               .toHtmlEscaped());
   text += tr("&nbsp;&nbsp;%1 photographs&nbsp;\u00b7&nbsp;%2 \u00d7 %3 mm")
               .arg(capture->photos.size())
@@ -412,8 +435,8 @@ void MainWindow::refreshHealth() {
     return;
   }
   const FourierFitStats& stats = fit->stats();
-  double seconds = 0;
-  for (const auto& [stage, value] : stats.seconds) seconds += value;
+  const auto total = stats.seconds.find("total");
+  const double seconds = total == stats.seconds.end() ? 0 : total->second;
   const auto percent = [](double value) {
     return QString::number(100 * value, 'f', 2) + QStringLiteral(" %");
   };
@@ -434,9 +457,10 @@ void MainWindow::refreshHealth() {
                     .arg(stats.meanIterations, 0, 'f', 1)
                     .arg(stats.threads);
   for (const auto& [stage, value] : stats.seconds)
-    tip += QStringLiteral("\n%1: %2 s")
-               .arg(QString::fromStdString(ProgressEstimate::title(stage)))
-               .arg(value, 0, 'f', 2);
+    if (stage != "total")
+      tip += QStringLiteral("\n%1: %2 s")
+                 .arg(QString::fromStdString(ProgressEstimate::title(stage)))
+                 .arg(value, 0, 'f', 2);
   healthLabel_->setToolTip(tip);
 }
 
@@ -444,21 +468,7 @@ void MainWindow::refreshHealth() {
 // ---------------------------------------------------------------------------------------------------
 
 void MainWindow::closeEvent(QCloseEvent* event) {
-  if (!mayDiscardRunningFit(tr("quit"))) return event->ignore();
-  if (document_.fit() && !fitIsSaved_) {
-    QMessageBox question(QMessageBox::Question, tr("The fit is not saved"),
-                         tr("Quit without saving the fit?"), QMessageBox::NoButton, this);
-    QPushButton* save = question.addButton(tr("Save\u2026"), QMessageBox::AcceptRole);
-    QPushButton* quit = question.addButton(tr("Quit without saving"), QMessageBox::DestructiveRole);
-    question.addButton(QMessageBox::Cancel);
-    question.setDefaultButton(save);
-    question.exec();
-    if (question.clickedButton() == save) {
-      event->ignore();
-      return chooseSaveFolder();
-    }
-    if (question.clickedButton() != quit) return event->ignore();
-  }
+  if (!mayLoseFit(tr("quit"), tr("Quit"))) return event->ignore();
   keepState();
   fitJob_.abandon();
   openJob_.abandon();
@@ -483,7 +493,8 @@ void MainWindow::dropEvent(QDropEvent* event) {
   const QString path = droppedPath(event->mimeData());
   if (path.isEmpty()) return;
   event->acceptProposedAction();
-  openPath(path);
+  // After the drop is over: a question here would hold up the program that it came from.
+  QTimer::singleShot(0, this, [this, path] { openPath(path); });
 }
 
 }  // namespace patina

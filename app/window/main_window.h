@@ -45,6 +45,12 @@ class MainWindow : public QMainWindow {
   void openPath(const QString& path);
   void startFit();
   void cancelFit();
+  /// What to do with a fit that is running or not saved, before it is lost.
+  enum class Answer { Save, GoOn, Stay };
+  using Ask =
+      std::function<Answer(const QString& title, const QString& text, const QString& goOn, bool maySave)>;
+  /// Replaces the question box (tests).
+  void setAsk(Ask ask) { ask_ = std::move(ask); }
   /// Writes the fit into a folder.
   void saveFitTo(const QString& folder);
 
@@ -79,12 +85,14 @@ class MainWindow : public QMainWindow {
   void refreshTitle();
   void refreshRecent();
   void refreshHealth();
+  void forget(const QString& path);  ///< takes it off the recent list
   void opened(std::shared_ptr<const FourierCapture> capture, const QString& path);
   void fitDone(Result<std::shared_ptr<const FourierFit>> outcome);
   void showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit);
   void restoreState();
   void keepState();
-  bool mayDiscardRunningFit(const QString& doing);
+  /// True where nothing would be lost, or the person agrees. `doing`: "open another bundle".
+  bool mayLoseFit(const QString& doing, const QString& goOn);
   void chooseBundle();
   void chooseFit();
   void chooseSaveFolder();
@@ -118,6 +126,7 @@ class MainWindow : public QMainWindow {
   std::map<QString, QAction*> actions_;
   std::map<QString, QString> tips_;
 
+  Ask ask_;
   std::optional<ProgressEstimate> estimate_;
   QString openPath_, fitSavedTo_;
   bool fitIsSaved_ = true;

@@ -8,6 +8,7 @@
 #include <QHeaderView>
 #include <QMenuBar>
 #include <QMessageBox>
+#include <QScreen>
 #include <QSplitter>
 #include <QStatusBar>
 #include <QTableWidget>
@@ -173,6 +174,8 @@ void MainWindow::buildActions() {
       button->setToolButtonStyle(Qt::ToolButtonTextBesideIcon);
     if (shown == "open" || shown == "options" || shown == "save") toolBar_->addSeparator();
   }
+  auto* fitButton = qobject_cast<QToolButton*>(toolBar_->widgetForAction(action("fit")));
+  fitButton->setObjectName(QStringLiteral("fitButton"));
   action("open")->setIconText(tr("Open"));
   action("save")->setIconText(tr("Save fit"));
   auto* space = new QWidget(toolBar_);
@@ -342,13 +345,19 @@ void MainWindow::showShortcuts() {
 // --------------------------------------------------------------------------------
 
 void MainWindow::restoreState() {
-  if (!restoreGeometry(settings_.bytes("window/geometry"))) resize(1440, 900);
+  if (!restoreGeometry(settings_.bytes("window/geometry"))) {
+    const QSize room = screen() ? screen()->availableSize() : QSize(1440, 900);
+    resize(QSize(1560, 980).boundedTo(room));
+  }
   columns_->restoreState(settings_.bytes("window/columns"));
   right_->restoreState(settings_.bytes("window/right"));
   for (const char* name : {"show-viewport", "show-inspector", "show-strip"})
     action(name)->setChecked(settings_.flag(QStringLiteral("window/") + name, true));
   document_.restoreFitOptions(settings_.fitOptions());
-  document_.restoreLamp(settings_.lamp());
+  LampState lamp = document_.lamp();  // its place comes with the bundle
+  lamp.exposureEv = std::clamp(settings_.text("viewport/exposure_ev").toDouble(), -8.0, 8.0);
+  document_.restoreLamp(lamp);
+  viewport_->setStudio(settings_.flag("viewport/studio", false));
   inspector_->setChannel(settings_.number("inspector/channel", 1));
   inspector_->setDirection(settings_.number("inspector/direction", 0));
   inspector_->setPage(settings_.number("inspector/page", 0));
@@ -364,7 +373,8 @@ void MainWindow::keepState() {
   for (const char* name : {"show-viewport", "show-inspector", "show-strip"})
     settings_.set(QStringLiteral("window/") + name, action(name)->isChecked());
   settings_.setFitOptions(document_.fitOptions());
-  settings_.setLamp(document_.lamp());
+  settings_.set("viewport/exposure_ev", document_.lamp().exposureEv);
+  settings_.set("viewport/studio", viewport_->studio());
   settings_.set("inspector/channel", inspector_->channel());
   settings_.set("inspector/direction", inspector_->direction());
   settings_.set("inspector/page", inspector_->page());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
 
 namespace patina {
 
@@ -15,14 +16,15 @@ struct Stage {
 };
 
 // In the order in which a fit passes through them.
-constexpr std::array<Stage, 7> kStages{{
-    {"read", "Reading photographs", 0.06},
+constexpr std::array<Stage, 8> kStages{{
+    {"read", "Reading photographs", 0.08},
     {"measure", "Forming measurements", 0.03},
     {"geometry", "Preparing geometry", 0.03},
     {"guess", "First guess", 0.03},
-    {"solve", "Fitting texels", 0.75},
+    {"solve", "Fitting texels", 0.70},
     {"maps", "Making maps", 0.02},
-    {"holdout", "Predicting held-out photographs", 0.08},
+    {"predict", "Predicting the photographs", 0.10},
+    {"holdout", "Predicting held-out photographs", 0.03},
 }};
 
 }  // namespace
@@ -33,6 +35,14 @@ ProgressEstimate::ProgressEstimate(const std::map<std::string, double>& secondsB
   double sum = 0;
   for (const Stage& stage : kStages) {
     const auto known = secondsByStage.find(stage.id);
+    // Both predictions are timed as one; most photographs are fitted ones.
+    if (std::string_view(stage.id) == "predict" && known == secondsByStage.end()) {
+      const auto both = secondsByStage.find("holdout");
+      sum += share_[stage.id] = both != secondsByStage.end() ? 0.8 * std::max(both->second, 0.0)
+                                : secondsByStage.empty()     ? stage.share
+                                                             : 0.0;
+      continue;
+    }
     const double share = known != secondsByStage.end() ? std::max(known->second, 0.0)
                          : secondsByStage.empty()      ? stage.share
                                                        : 0.0;

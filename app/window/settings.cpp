@@ -74,22 +74,6 @@ void Settings::setFitOptions(const FourierFitOptions& options) {
   store_.endGroup();
 }
 
-LampState Settings::lamp() const {
-  LampState lamp;
-  const QVariantList kept = store_.value(QStringLiteral("lamp")).toList();
-  if (kept.size() != 4) return lamp;
-  for (const QVariant& number : kept)
-    if (!std::isfinite(number.toDouble())) return lamp;
-  lamp.positionMm = {kept[0].toDouble(), kept[1].toDouble(), std::max(1.0, kept[2].toDouble())};
-  lamp.exposureEv = std::clamp(kept[3].toDouble(), -8.0, 8.0);
-  return lamp;
-}
-
-void Settings::setLamp(const LampState& lamp) {
-  store_.setValue(QStringLiteral("lamp"), QVariantList{lamp.positionMm.x(), lamp.positionMm.y(),
-                                                       lamp.positionMm.z(), lamp.exposureEv});
-}
-
 std::map<std::string, double> Settings::stageSeconds() const {
   std::map<std::string, double> seconds;
   store_.beginGroup(QStringLiteral("stages"));

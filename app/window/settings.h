@@ -7,7 +7,6 @@
 #include <string>
 
 #include "engine/fourier/options.h"
-#include "widgets/document.h"
 
 namespace patina {
 
@@ -24,8 +23,6 @@ class Settings {
 
   FourierFitOptions fitOptions() const;
   void setFitOptions(const FourierFitOptions& options);
-  LampState lamp() const;
-  void setLamp(const LampState& lamp);
   /// Seconds by stage of the last finished fit: what the time left is judged by.
   std::map<std::string, double> stageSeconds() const;
   void setStageSeconds(const std::map<std::string, double>& seconds);
