@@ -11,8 +11,8 @@ namespace patina {
 /// terminal.
 std::string inQuotes(std::string_view text);
 
-/// The candidate most like `word` (edit distance with swaps, letter case and `-` against `_` free), or empty when
-/// none is within a third of the word's length. Cost: sum of the lengths times the word's length.
+/// The candidate most like `word` (edit distance with swaps, letter case and `-` against `_` free), or empty
+/// when none is within a third of the word's length. Cost: sum of the lengths times the word's length.
 std::string nearestWord(std::string_view word, const std::vector<std::string>& candidates);
 
 /// "1 photo", "3 photos": the number with its noun, plural by `s`.

@@ -113,7 +113,7 @@ TEST(WritePng, KeepsColours) {
 
 TEST(WritePng, SaysWhenItCannot) {
   EXPECT_EQ(writePng("/nowhere/x.png", Image(1, 1, 3)).error().code, ErrorCode::WriteFailed);
-  EXPECT_THROW((void)writePng("/tmp/x.png", Image(1, 1, 2)), std::invalid_argument);
+  EXPECT_THROW((void)writePng("x.png", Image(1, 1, 2)), std::invalid_argument);
 }
 
 }  // namespace
