@@ -26,8 +26,8 @@ struct FourierFitOptions {
                  ///< no new detail
   LobeMapping lobe = LobeMapping::ExactMoments;
   MeasurementWeights weights = MeasurementWeights::Noise;
-  int maxIterations = 40;         ///< per texel and start. More: slower, fewer texels stopped early
-  double tolerance = 1e-6;        ///< relative decrease of the cost below which a texel has converged
+  int maxIterations = 80;         ///< per texel and start. More: slower, fewer texels stopped early
+  double tolerance = 1e-5;        ///< relative decrease of the cost below which a texel has converged
   bool neighbourRestarts = true;  ///< offer each texel its neighbours' solutions; rescues stuck texels at a
                                   ///< few percent of the time
 

@@ -24,7 +24,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
   std::optional<Error> failure;
   double error = 0, signal = 0, noise = 0;
   std::int64_t done = 0;
-  const auto total = static_cast<std::int64_t>(groups.size());
+  const auto total = static_cast<std::int64_t>(groups.size() + (holdout ? 0 : 1));
   auto used = [&](std::size_t s) {
     return state.siteStatus[s] != TexelStatus::Failed && state.siteStatus[s] != TexelStatus::Cancelled &&
            state.siteStatus[s] != TexelStatus::Clipped;

@@ -26,7 +26,7 @@ struct SolverSetup {
   FourierPriors priors;
   LobeMapping lobe = LobeMapping::ExactMoments;
   int maxIterations = 40;
-  float tolerance = 1e-6f;
+  float tolerance = 1e-5f;
 };
 
 /// The four parameters that a texel's lobe depends on. The six albedos follow from them: they are linear.

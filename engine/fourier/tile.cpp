@@ -55,7 +55,7 @@ Pool poolOf(const FourierMeasurements& m, std::size_t s) {
 
 }  // namespace
 
-Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites) {
+Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, bool poolNeighbours) {
   const FourierMeasurements& m = state.measurements;
   const int frequencies = m.frequencyCount();
   const std::size_t stride = static_cast<std::size_t>(frequencies + 1) * 6,
@@ -65,7 +65,7 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites) {
   dc_.resize(sites.size() * 3);
   for (std::size_t i = 0; i < sites.size(); ++i) {
     const std::size_t s = sites[i];
-    const Pool pool = state.options.poolNeighbours ? poolOf(m, s) : Pool{{s}, {1.0}};
+    const Pool pool = poolNeighbours ? poolOf(m, s) : Pool{{s}, {1.0}};
     double total = 0, square = 0;
     for (const double w : pool.weight) total += w, square += w * w;
     Eigen::Vector2d point = Eigen::Vector2d::Zero();

@@ -20,7 +20,7 @@ namespace patina {
 /// gain up to a factor of three.
 class Tile {
  public:
-  Tile(const FourierFitState& state, std::span<const std::uint32_t> sites);
+  Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, bool poolNeighbours);
 
   std::vector<SiteData> data;
 
