@@ -39,6 +39,7 @@ done
 FAKE
 cat >"$fakes/apt-get" <<'FAKE'
 #!/bin/sh
+case " $* " in *" --print-uris "*) echo "'http://x/alpha.deb' alpha.deb 12000000 MD5Sum:0"; exit 0 ;; esac
 echo "apt-get $*" >>"$SCRATCH/calls"
 case " $* " in
   *" update "*) touch "$SCRATCH/updated" ;;
@@ -78,17 +79,17 @@ check "dry run: calls nothing" called_nothing
 
 world FAKE_UID=0 KNOWN="alpha gamma delta" --
 check "root: status 0" status_is 0
-check "root: installs without questions or recommendations" called "install -y --no-install-recommends -q alpha gamma delta"
+check "root: installs without questions or recommendations" called "install -y --no-install-recommends -qq alpha gamma delta"
 check "root: does not use sudo" not called "sudo"
 check "root: fetches no lists when all is known" not called "update"
 
 world FAKE_UID=0 PRESENT="beta" KNOWN="alpha" --
-check "optional package unknown: left out" called "-q alpha"
+check "optional package unknown: left out" called "-qq alpha"
 check "optional package unknown: status 0" status_is 0
 
 world FAKE_UID=0 KNOWN_AFTER_UPDATE="alpha beta delta" --
 check "no lists yet: fetches them first" called "update"
-check "no lists yet: then installs" called "-q alpha beta delta"
+check "no lists yet: then installs" called "-qq alpha beta delta"
 
 world FAKE_UID=0 KNOWN="alpha" --
 check "required package unknown: status 1" status_is 1
@@ -118,6 +119,7 @@ if command -v script >/dev/null; then
   }
   ask n
   check "user at a terminal: is asked" says "Install them with"
+  check "user at a terminal: hears the size" says "(12 MB to fetch)"
   check "user says no: status 1" status_is 1
   check "user says no: calls nothing" called_nothing
   ask y
