@@ -131,8 +131,7 @@ std::vector<Picture> drawPictures(const FourierFit& fit, const SimulatedSheet& s
                                     Eigen::Vector3f(1.9f, 0.5f, 0.8f)}) {
     PointLight light;
     light.positionMm = at * span;
-    const Image linear = relitSheet(maps, light, view);
-    relit.push_back(toneMap(linear, autoExposure(linear, 0.6f, 0.25f)));
+    relit.push_back(relitPicture(maps, light, view));
   }
   pictures.push_back({"relit.png", "the fitted sheet under three lights that it was never photographed with",
                       labelledRow(relit, lights)});

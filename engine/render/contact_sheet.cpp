@@ -175,12 +175,10 @@ std::vector<Panel> makePanels(const SvbrdfMaps& maps, const ContactSheetOptions&
     const auto span = static_cast<float>(std::max(maps.widthMm, maps.heightMm));
     view.eyeMm = Eigen::Vector3f(0, -1.6f, 2.6f) * span;
     view.width = view.height = size;
-    view.background = linearFromSrgb(kPaper[0]);
     PointLight light;
     light.positionMm = Eigen::Vector3f(0.2f, 1.2f, 1.7f) * span;
-    const Image picture = relitSheet(maps, light, view);
     Panel relit;
-    relit.picture = toneMap(picture, autoExposure(picture, 0.6f, 0.25f));
+    relit.picture = relitPicture(maps, light, view);
     relit.label = "relit";
     panels.push_back(std::move(relit));
   }
@@ -250,6 +248,16 @@ Image contactSheet(const SvbrdfMaps& maps, const ContactSheetOptions& options) {
     }
   }
   return page;
+}
+
+Image relitPicture(const SvbrdfMaps& maps, const PointLight& light, SheetView view) {
+  view.background = 0;
+  const Image dark = relitSheet(maps, light, view);
+  // The sheet itself in the middle greys; where highlights take up much of it, less, so that they keep their
+  // shape.
+  const float exposure = std::min(autoExposure(dark, 0.6f, 0.25f), autoExposure(dark, 0.97f, 1.5f));
+  view.background = linearFromSrgb(kPaper[0]) / exposure;
+  return toneMap(relitSheet(maps, light, view), exposure);
 }
 
 Image labelledRow(const std::vector<Image>& pictures, const std::vector<std::string>& labels) {
