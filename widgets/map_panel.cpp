@@ -197,6 +197,7 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
     if (const auto texel = texelAt(place)) {
       document_->endGesture();
       document_->pickTexel(texel);
+      document_->endGesture();
     }
   });
   connect(view_, &ImageView::stepRequested, this, [this](QPoint step) {

@@ -35,7 +35,7 @@ constexpr double kLampGrabPx = 16;
 constexpr double kReferenceDistance =
     0.6;  ///< of the sheet's side: a white matt sheet so far below the lamp is just white
 constexpr double kStartingHeight = 0.42;   ///< of the sheet's side
-constexpr double kStartingDistance = 2.6;  ///< of the sheet's side
+constexpr double kStartingDistance = 2.4;  ///< of the sheet's side
 
 vtkSmartPointer<vtkActor> flatActor(vtkPolyDataMapper* mapper, double r, double g, double b) {
   auto actor = vtkSmartPointer<vtkActor>::New();
@@ -60,8 +60,28 @@ vtkSmartPointer<vtkPolyData> closedLine(const std::vector<Eigen::Vector3d>& corn
 
 }  // namespace
 
+/// What is written over the scene. A widget of its own, because VTK's state of OpenGL is not one that
+/// QPainter can draw in.
+class SheetViewport::Overlay : public QWidget {
+ public:
+  explicit Overlay(SheetViewport* of) : QWidget(of), of_(of) {
+    setAttribute(Qt::WA_TransparentForMouseEvents);
+  }
+
+ protected:
+  void paintEvent(QPaintEvent*) override {
+    QPainter painter(this);
+    of_->paintOver(painter);
+  }
+
+ private:
+  SheetViewport* of_;
+};
+
 SheetViewport::SheetViewport(Document* document, QWidget* parent) : VtkWidget(parent), document_(document) {
   setObjectName(QStringLiteral("sheetViewport"));
+  overlay_ = new Overlay(this);
+  connect(this, &VtkWidget::becameUnusable, overlay_, [this] { overlay_->update(); });
   setFocusPolicy(Qt::StrongFocus);
   setMouseTracking(true);
   setAccessibleName(tr("The fitted sheet under a light"));
@@ -137,6 +157,7 @@ double SheetViewport::sizeMm() const {
 
 void SheetViewport::rebuild() {
   fit_ = document_->fit();
+  overlay_->update();
   const bool shown = fit_ != nullptr;
   for (vtkActor* actor : {sheet_.Get(), frameActor_.Get(), markActor_.Get(), dropActor_.Get(), lamp_.Get()})
     actor->SetVisibility(shown);
@@ -147,7 +168,11 @@ void SheetViewport::rebuild() {
   plane_->SetPoint1(x, -y, 0);
   plane_->SetPoint2(-x, y, 0);
   const double lift = -0.002 * sizeMm();
-  frame_->ShallowCopy(closedLine({{-x, -y, lift}, {x, -y, lift}, {x, y, lift}, {-x, y, lift}}));
+  const double rim = 1.006;  // beside the sheet, not under it
+  frame_->ShallowCopy(closedLine({{-rim * x, -rim * y, lift},
+                                  {rim * x, -rim * y, lift},
+                                  {rim * x, rim * y, lift},
+                                  {-rim * x, rim * y, lift}}));
   pixels_->SetDimensions(maps.width, maps.height, 1);
   pixels_->AllocateScalars(VTK_UNSIGNED_CHAR, 3);
   if (!placed_) {
@@ -264,32 +289,36 @@ void SheetViewport::shade(bool exact) {
   update();
 }
 
-void SheetViewport::paintEvent(QPaintEvent* event) {
-  QOpenGLWidget::paintEvent(event);
-  QPainter painter(this);
+void SheetViewport::paintOver(QPainter& painter) const {
   if (!usable() || !fit_) {
     painter.setPen(theme::kTextDim);
     painter.drawText(
         rect().adjusted(24, 8, -24, -8), Qt::AlignCenter | Qt::TextWordWrap,
         !usable() ? failure() : tr("The fitted sheet appears here, under a light that you can drag."));
-  }
-  if (usable() && fit_) {
+  } else if (width() > 260) {
     painter.setFont(theme::captionFont());
-    painter.setPen(QColor(255, 255, 255, 110));
-    painter.drawText(rect().adjusted(10, 6, -10, -6), Qt::AlignLeft | Qt::AlignBottom,
-                     tr("drag: highlight or lamp   right drag: orbit   click: pick"));
+    painter.setPen(QColor(255, 255, 255, 120));
+    painter.drawText(
+        rect().adjusted(10, 6, -10, -6), Qt::AlignLeft | Qt::AlignBottom,
+        fontMetrics().elidedText(tr("drag: highlight or lamp \u00b7 right drag: orbit \u00b7 click: pick"),
+                                 Qt::ElideRight, width()));
   }
   focusRing_.paint(painter, *this);
 }
 
+void SheetViewport::resizeEvent(QResizeEvent* event) {
+  VtkWidget::resizeEvent(event);
+  overlay_->setGeometry(rect());
+}
+
 void SheetViewport::focusInEvent(QFocusEvent* event) {
   focusRing_.focusChanged(*event);
-  update();
+  overlay_->update();
 }
 
 void SheetViewport::focusOutEvent(QFocusEvent* event) {
   focusRing_.focusChanged(*event);
-  update();
+  overlay_->update();
 }
 
 Eigen::Vector3d SheetViewport::rayThrough(const QPointF& position) const {

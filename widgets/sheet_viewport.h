@@ -51,11 +51,15 @@ class SheetViewport : public VtkWidget {
   void mouseReleaseEvent(QMouseEvent* event) override;
   void wheelEvent(QWheelEvent* event) override;
   void keyPressEvent(QKeyEvent* event) override;
-  void paintEvent(QPaintEvent* event) override;
+  void resizeEvent(QResizeEvent* event) override;
+
   void focusInEvent(QFocusEvent* event) override;
   void focusOutEvent(QFocusEvent* event) override;
 
  private:
+  class Overlay;
+  void paintOver(QPainter& painter) const;
+
   enum class Drag { None, Undecided, Highlight, Lamp, Height, Orbit, Pan };
   void rebuild();
   void placeScene();
@@ -78,6 +82,7 @@ class SheetViewport : public VtkWidget {
   vtkSmartPointer<vtkActor> sheet_, lamp_, dropActor_, frameActor_, markActor_;
   Image radiance_;
   FocusRing focusRing_;
+  QWidget* overlay_ = nullptr;
   QTimer refine_, gesture_;
   double azimuthRad_ = -1.57, elevationRad_ = 0.9, distanceMm_ = 400;
   Eigen::Vector3d focusMm_{0, 0, 0};

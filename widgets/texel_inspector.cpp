@@ -111,8 +111,8 @@ TexelInspector::TexelInspector(Document* document, QWidget* parent) : QWidget(pa
   table_->setShowGrid(false);
   table_->setAlternatingRowColors(true);
   table_->horizontalHeader()->setSectionResizeMode(0, QHeaderView::ResizeToContents);
-  table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
-  table_->horizontalHeader()->setSectionResizeMode(2, QHeaderView::ResizeToContents);
+  table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::ResizeToContents);
+  table_->horizontalHeader()->setSectionResizeMode(2, QHeaderView::Stretch);
   table_->horizontalHeader()->setDefaultAlignment(Qt::AlignLeft);
   table_->setAccessibleName(tr("Parameters of the texel"));
 

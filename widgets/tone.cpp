@@ -8,7 +8,7 @@ namespace patina {
 
 namespace {
 
-constexpr int kCurveSteps = 4096;
+constexpr int kCurveSteps = 16384;
 
 /// The sRGB curve, tabulated in the square root of the linear value: there it is nearly straight, so that
 /// dark values keep their resolution.

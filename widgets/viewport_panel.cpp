@@ -54,7 +54,8 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
   QToolButton* reset = button(tr("Reset"), tr("Put the lamp back to where it starts"));
 
   auto* controls = new QWidget(this);
-  controls->setFixedWidth(std::max(164, fontMetrics().averageCharWidth() * 24));
+  controls_ = controls;
+
   auto* column = new QVBoxLayout(controls);
   column->setContentsMargins(8, 4, 8, 4);
   column->setSpacing(4);
@@ -119,6 +120,12 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
         static_cast<QWidget*>(exposure_), static_cast<QWidget*>(height_)})
     widget->setEnabled(false);
   refresh();
+}
+
+void ViewportPanel::resizeEvent(QResizeEvent*) {
+  // The sphere grows with the window, the numbers below it don't need to.
+  const int least = std::max(164, fontMetrics().averageCharWidth() * 24);
+  controls_->setFixedWidth(std::clamp(std::min(width() / 4, height() - 150), least, 2 * least));
 }
 
 void ViewportPanel::setTexel(std::optional<QPoint> texel) {

