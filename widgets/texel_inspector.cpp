@@ -6,6 +6,7 @@
 #include <QHeaderView>
 #include <QTabWidget>
 #include <QTableWidget>
+#include <limits>
 #include <numbers>
 
 #include "engine/surface/svbrdf.h"
@@ -295,6 +296,8 @@ void TexelInspector::refreshSpectrum(const FourierFit& fit, const QPoint& texel)
   std::sort(noiseLevels.begin(), noiseLevels.end(),
             [](const QPointF& a, const QPointF& b) { return a.x() < b.x(); });
   noise.points = noiseLevels;
+  double quietest = std::numeric_limits<double>::max();
+  for (const QPointF& level : noiseLevels) quietest = std::min(quietest, level.y());
   double previous = 0;
   for (const SpectrumCurvePoint& point : curve) {
     if (point.frequency < 0.85 && point.frequency > 0)
@@ -305,7 +308,9 @@ void TexelInspector::refreshSpectrum(const FourierFit& fit, const QPoint& texel)
     diffuse.points.emplace_back(place, std::abs(d));
     specular.points.emplace_back(place, std::abs(s));
     high = std::max(high, std::abs(d + s));
-    const double angle = phaseOf(d + s, point.frequency);
+    // Far below the noise the model's phase can't be compared with anything: the line would only flicker.
+    const bool comparable = std::abs(d + s) > 0.3 * quietest;
+    const double angle = comparable ? phaseOf(d + s, point.frequency) : std::nan("");
     if (!phaseModel.points.empty() && std::abs(angle - previous) > 180)
       phaseModel.points.emplace_back(place, std::nan(""));
     phaseModel.points.emplace_back(place, angle);

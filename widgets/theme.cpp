@@ -249,6 +249,7 @@ void apply(QApplication& application) {
           "QScrollBar::handle:hover { background: #727272; }"
           "QScrollBar::add-line, QScrollBar::sub-line { width: 0; height: 0; }"
           "QScrollBar::add-page, QScrollBar::sub-page { background: transparent; }"
+          "QDialogButtonBox, QMessageBox { dialogbuttonbox-buttons-have-icons: 0; }"
           "QLabel[role=caption] { color: %8; }")
           .arg(css(kText), css(kBorder), css(kWindow), css(kControl), css(kAccentDeep), css(kTextOff),
                css(kAccent), css(kTextDim), css(kSunken)));

@@ -114,6 +114,7 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
           static_cast<QWidget*>(exposure_), static_cast<QWidget*>(height_)})
       widget->setEnabled(fitted);
     setTexel(fitted ? document_->pickedTexel() : std::nullopt);
+    refresh();
   });
   for (QWidget* widget :
        {static_cast<QWidget*>(camera), static_cast<QWidget*>(above), static_cast<QWidget*>(reset),
@@ -153,8 +154,10 @@ void ViewportPanel::refresh() {
   height_->setValue(lamp.positionMm.z());
   updating_ = false;
   sphere_->setExposure(lamp.exposureEv);
-  lampText_->setText(
-      tr("Lamp at x %1, y %2 mm").arg(lamp.positionMm.x(), 0, 'f', 0).arg(lamp.positionMm.y(), 0, 'f', 0));
+  lampText_->setText(!document_->fit() ? tr("Lamp")
+                                       : tr("Lamp at x %1, y %2 mm")
+                                             .arg(lamp.positionMm.x(), 0, 'f', 0)
+                                             .arg(lamp.positionMm.y(), 0, 'f', 0));
 }
 
 }  // namespace patina

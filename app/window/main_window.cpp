@@ -322,6 +322,7 @@ void MainWindow::startFit() {
       },
       [this](Result<std::shared_ptr<const FourierFit>> outcome) { fitDone(std::move(outcome)); });
   refreshActions();
+  refreshHealth();
 }
 
 void MainWindow::cancelFit() {
