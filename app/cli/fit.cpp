@@ -18,6 +18,7 @@ struct FitArguments {
   std::string lobe = "exact", weights = "noise";
   std::vector<std::string> texels;
   bool noRestarts = false;
+  bool noPooling = false;
   FourierFitOptions options;
 };
 
@@ -54,6 +55,7 @@ int runFit(FitArguments& arguments, Context& context) {
   options.weights =
       arguments.weights == "paper" ? MeasurementWeights::PaperConstant : MeasurementWeights::Noise;
   options.neighbourRestarts = !arguments.noRestarts;
+  options.poolNeighbours = !arguments.noPooling;
   const std::vector<std::string> problems = options.validate();
   if (!problems.empty()) {
     std::string sentence;
@@ -162,11 +164,15 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->group(kModel);
   verb->add_option(
           "--tolerance", arguments->options.tolerance,
-          byDefault("A texel has converged when its cost falls by less than this share in a step", "1e-06"))
+          byDefault("A texel has converged when its cost falls by less than this share in a step", "1e-05"))
       ->option_text("SHARE")
       ->group(kModel);
   verb->add_flag("--no-restarts", arguments->noRestarts,
                  "Don't offer texels their neighbours' solutions: a few percent faster, some texels stuck")
+      ->group(kModel);
+  verb->add_flag("--no-pooling", arguments->noPooling,
+                 "Don't average a pixel's measurements with neighbours that noise can't tell from it:\n"
+                 "every pixel alone, noisier where lobes are broad")
       ->group(kModel);
 
   constexpr const char* kLook = "Looking inside";

@@ -174,6 +174,19 @@ DiffuseTransform::DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sam
   });
 }
 
+DiffuseTransform DiffuseTransform::select(const std::vector<int>& indices) const {
+  DiffuseTransform out;
+  out.frequencyCount_ = static_cast<int>(indices.size());
+  out.halfSizeMm_ = halfSizeMm_;
+  out.table_.resize(static_cast<std::size_t>(kNodes) * kNodes * indices.size() * 6);
+  float* to = out.table_.data();
+  for (int node = 0; node < kNodes * kNodes; ++node) {
+    const float* from = table_.data() + static_cast<std::size_t>(node) * frequencyCount_ * 6;
+    for (const int f : indices) to = std::copy_n(from + static_cast<std::size_t>(f) * 6, 6, to);
+  }
+  return out;
+}
+
 std::vector<float> DiffuseTransform::atPoint(const ScreenFrame& frame, const Eigen::Vector2d& pointMm,
                                              const std::vector<Eigen::Vector2d>& frequencies,
                                              DiffuseMethod method) {

@@ -25,6 +25,10 @@ class DiffuseTransform {
   DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
                    const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method);
 
+  /// A transform of some of the frequencies only, in the given order (indices into the constructor's list).
+  /// Cheap.
+  DiffuseTransform select(const std::vector<int>& indices) const;
+
   int frequencyCount() const { return frequencyCount_; }
   /// out[(f * 3 + axis) * 2 + {0: re, 1: im}], axis in the screen's frame. Thread-safe.
   void at(const Eigen::Vector2d& pointMm, float* out) const;
@@ -34,6 +38,7 @@ class DiffuseTransform {
                                     const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method);
 
  private:
+  DiffuseTransform() = default;
   static constexpr int kNodes = 9;
   int frequencyCount_ = 0;
   Eigen::Vector2d halfSizeMm_;

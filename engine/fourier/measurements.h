@@ -50,7 +50,7 @@ int resolvedSize(const FourierCapture& capture, const SiteSet& sites);
 
 /// The sensor's noise: variance = shot * radiance + read^2, one pixel, one photograph, radiance units of the
 /// capture.
-struct SensorNoise {
+struct NoiseModel {
   double shot = 0, read = 0;
   double variance(double radiance) const { return shot * std::max(radiance, 0.0) + read * read; }
 };
@@ -66,7 +66,7 @@ struct FourierMeasurements {
   std::vector<float> black;            ///< [site][R G B]
   std::vector<float> brightness;       ///< [site][R G B]: mean radiance of the pattern photographs
   std::vector<float> clippedFraction;  ///< [site]
-  SensorNoise noise;
+  NoiseModel noise;
   double blackVarianceShare = 1;  ///< of one photograph's variance that is left in `black`
   double fullScale = 1;           ///< 99.9th percentile of window minus black
   std::size_t clippedSamples = 0;

@@ -1,6 +1,7 @@
 #include <tbb/parallel_for.h>
 
 #include <cmath>
+#include <map>
 #include <mutex>
 
 #include "engine/fourier/fit_state.h"
@@ -19,6 +20,22 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
   });
   const DiffuseMethod method = state.diffuseMethod();
   if (holdout) state.heldOutZ.assign(count * groups.size() * 6, 0.0f);
+
+  // Multiples 0, 1, 2, 4, 6, ... of every frequency, each computed once. The window needs the first alone.
+  std::vector<Eigen::Vector2d> distinct;
+  std::map<std::pair<int, int>, int> indexOf;
+  auto indexFor = [&](const Eigen::Vector2i& w) {
+    const auto [it, fresh] = indexOf.try_emplace({w.x(), w.y()}, static_cast<int>(distinct.size()));
+    if (fresh) distinct.push_back(w.cast<double>());
+    return it->second;
+  };
+  std::vector<std::vector<int>> multiples(groups.size() + 1, {indexFor(Eigen::Vector2i::Zero())});
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    multiples[g].push_back(indexFor(groups[g].frequency));
+    for (int h = 1; h <= kEvenHarmonics; ++h) multiples[g].push_back(indexFor(2 * h * groups[g].frequency));
+  }
+  const DiffuseTransform allFrequencies(
+      state.frame, {state.capture.sampleWidthMm, state.capture.sampleHeightMm}, distinct, method);
 
   std::mutex mutex;
   std::optional<Error> failure;
@@ -46,8 +63,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
         return;
       }
       const std::vector<float> windowPhoto = sampleSites(m.sites, *image);
-      DiffuseTransform diffuse(state.frame, {state.capture.sampleWidthMm, state.capture.sampleHeightMm},
-                               {Eigen::Vector2d::Zero()}, method);
+      const DiffuseTransform diffuse = allFrequencies.select(multiples[g]);
       float v[6];
       for (std::size_t s = 0; s < count; ++s) {
         if (!used(s)) continue;
@@ -59,12 +75,9 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
                   m.black[s * 3 + c] + state.sites[s].diffuse[c] * d + state.sites[s].specular[c] * l);
       }
     } else {
-      std::vector<Eigen::Vector2d> frequencies = {Eigen::Vector2d::Zero(),
-                                                  groups[g].frequency.cast<double>()};
-      for (int h = 1; h <= kEvenHarmonics; ++h)
-        frequencies.push_back(2.0 * h * groups[g].frequency.cast<double>());
-      DiffuseTransform diffuse(state.frame, {state.capture.sampleWidthMm, state.capture.sampleHeightMm},
-                               frequencies, method);
+      const DiffuseTransform diffuse = allFrequencies.select(multiples[g]);
+      std::vector<Eigen::Vector2f> frequencies;
+      for (const int f : multiples[g]) frequencies.push_back(distinct[f].cast<float>());
       std::array<std::vector<float>, 4> photo;
       for (int k = 0; k < 4; ++k) {
         auto image = readPhoto(state.capture, state.capture.photos[groups[g].photo[k]]);
@@ -93,7 +106,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
           const float* at = v.data() + f * 6;
           d[f] = {normals[s].x() * at[0] + normals[s].y() * at[2] + normals[s].z() * at[4],
                   normals[s].x() * at[1] + normals[s].y() * at[3] + normals[s].z() * at[5]};
-          l[f] = lobes[s].transform(frequencies[f].cast<float>());
+          l[f] = lobes[s].transform(frequencies[f]);
         }
         for (int k = 0; k < 4; ++k) {
           const float fromDiffuse = patternRadiance(d, k), fromLobe = patternRadiance(l, k);

@@ -34,14 +34,14 @@ void NoiseSamples::add(int index, const Eigen::Vector2i& frequency,
   }
 }
 
-SensorNoise NoiseSamples::estimate(double fullScale) const {
+NoiseModel NoiseSamples::estimate(double fullScale) const {
   double highest = 0;
   for (const auto& group : perFrequency_) highest = std::max(highest, group.frequency);
   std::vector<Sample> samples;
   for (const auto& group : perFrequency_)
     if (group.frequency > 0.6 * highest)
       samples.insert(samples.end(), group.samples.begin(), group.samples.end());
-  SensorNoise fallback{1e-4 * fullScale, 1e-3 * fullScale};
+  NoiseModel fallback{1e-4 * fullScale, 1e-3 * fullScale};
   if (samples.size() < kFewestSamples) return fallback;
   std::ranges::sort(samples, {}, &Sample::brightness);
 
@@ -77,7 +77,7 @@ SensorNoise NoiseSamples::estimate(double fullScale) const {
     if (slope < 0) slope = 0, offset = sy / s;
     for (std::size_t i = 0; i < brightness.size(); ++i) expected[i] = slope * brightness[i] + offset;
   }
-  SensorNoise noise{slope, std::sqrt(offset / 4)};
+  NoiseModel noise{slope, std::sqrt(offset / 4)};
   // A noiseless capture (a rendering) still has quantisation; never weight by infinity.
   noise.read = std::max(noise.read, 1e-6 * fullScale);
   return noise;

@@ -7,7 +7,7 @@
 
 namespace patina {
 
-struct SensorNoise;
+struct NoiseModel;
 
 /// Estimates shot and read noise from the capture itself.
 ///
@@ -25,7 +25,7 @@ class NoiseSamples {
   /// Robust fit (median absolute deviations in bins of brightness) over the highest frequencies. Falls back
   /// on a read noise of 1e-3 and shot noise of 1e-4 of full scale where there are too few samples (under
   /// 200).
-  SensorNoise estimate(double fullScale) const;
+  NoiseModel estimate(double fullScale) const;
 
  private:
   struct Sample {

@@ -20,53 +20,7 @@ using Tag = hn::ScalableTag<float>;
 using Vec = hn::Vec<Tag>;
 using Mask = hn::Mask<Tag>;
 
-/// A vector of floats with operators, so that the lobe's text reads as mathematics.
-struct Lanes {
-  Vec v;
-  Lanes() = default;
-  HWY_INLINE Lanes(Vec vec) : v(vec) {}
-  HWY_INLINE explicit Lanes(float x) : v(hn::Set(Tag(), x)) {}
-};
-HWY_INLINE Lanes operator+(Lanes a, Lanes b) {
-  return hn::Add(a.v, b.v);
-}
-HWY_INLINE Lanes operator-(Lanes a, Lanes b) {
-  return hn::Sub(a.v, b.v);
-}
-HWY_INLINE Lanes operator*(Lanes a, Lanes b) {
-  return hn::Mul(a.v, b.v);
-}
-HWY_INLINE Lanes operator/(Lanes a, Lanes b) {
-  return hn::Div(a.v, b.v);
-}
-HWY_INLINE Lanes operator-(Lanes a) {
-  return hn::Neg(a.v);
-}
-HWY_INLINE Lanes vexp(Lanes a) {
-  return hn::CallExp(Tag(), a.v);
-}
-HWY_INLINE Lanes vsqrt(Lanes a) {
-  return hn::Sqrt(a.v);
-}
-HWY_INLINE Lanes vmax(Lanes a, Lanes b) {
-  return hn::Max(a.v, b.v);
-}
-HWY_INLINE Lanes vmin(Lanes a, Lanes b) {
-  return hn::Min(a.v, b.v);
-}
-HWY_INLINE Lanes mulAdd(Lanes a, Lanes b, Lanes c) {
-  return hn::MulAdd(a.v, b.v, c.v);
-}
-HWY_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
-  return hn::IfThenElse(m, yes.v, no.v);
-}
-HWY_INLINE Lanes clampTo(Lanes x, float low, float high) {
-  return vmin(vmax(x, Lanes(low)), Lanes(high));
-}
-HWY_INLINE Mask less(Lanes a, Lanes b) {
-  return hn::Lt(a.v, b.v);
-}
-
+#include "engine/fourier/lanes.inc"
 #include "engine/fourier/lobe_kernel.inc"
 
 /// Columns of the model at one real measurement: value and derivatives of the two parts.

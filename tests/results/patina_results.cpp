@@ -179,15 +179,17 @@ bool writeTruth(std::ostream& out, const std::vector<Row>& rows) {
   bool within = true;
   out << "\n## Against the truth\n\n"
          "Bundles whose material is of the model's kind: errors of the maps, median / 95th percentile over "
-         "texels. Relative errors;\n"
-         "normals in degrees. Left out: texels within two texels of a border between materials, and texels "
+         "texels. Diffuse: albedo,\n"
+         "absolute, then relative; specular, sigma and gamma: relative; normals in degrees. Left out: texels "
+         "within two texels of a border between materials, and texels "
          "that the fit itself\n"
          "marks as not measured. In brackets: the bound that the tests hold (on the median), then what an "
          "independent\n"
          "implementation of the same model reached.\n\n"
-         "| bundle | texels compared | on a border | not measured | diffuse | specular | sigma | gamma | "
-         "normal | held-out / floor |\n"
-         "| --- | ---: | ---: | ---: | --- | --- | --- | --- | --- | --- |\n";
+         "| bundle | texels compared | on a border | not measured | diffuse | diffuse, relative | specular | "
+         "sigma | "
+         "gamma | normal | held-out / floor |\n"
+         "| --- | ---: | ---: | ---: | --- | --- | --- | --- | --- | --- | --- |\n";
   for (const Row& row : rows) {
     if (!row.truth) continue;
     const TruthErrors& errors = *row.truth;
@@ -208,8 +210,10 @@ bool writeTruth(std::ostream& out, const std::vector<Row>& rows) {
     };
     const double ratio = row.stats.holdoutRms / row.stats.noiseFloorHoldout;
     out << "| " << row.bundle << " | " << errors.compared << " | " << errors.onEdge << " | "
-        << errors.notMeasured << " | " << cell(errors.diffuse, &Reference::diffuseBound, &Reference::diffuse)
-        << " | " << cell(errors.specular, &Reference::specularBound, &Reference::specular) << " | "
+        << errors.notMeasured << " | "
+        << cell(errors.diffuseAbsolute, &Reference::diffuseBound, &Reference::diffuse) << " | "
+        << cell(errors.diffuse, nullptr, nullptr) << " | "
+        << cell(errors.specular, &Reference::specularBound, &Reference::specular) << " | "
         << cell(errors.sigma, &Reference::sigmaBound, &Reference::sigma) << " | "
         << cell(errors.kurtosis, nullptr, nullptr) << " | "
         << cell(errors.normalDeg, &Reference::normalDegBound, &Reference::normalDeg) << " | "

@@ -110,7 +110,7 @@ Result<TruthMaps> readTruth(const std::filesystem::path& bundle) {
 
 TruthErrors compareWithTruth(const SvbrdfMaps& fitted, const TruthMaps& truth, double edgeTexels) {
   TruthErrors errors;
-  std::vector<double> diffuse, specular, sigma, kurtosis, normalDeg;
+  std::vector<double> diffuse, diffuseAbsolute, specular, sigma, kurtosis, normalDeg;
   const double scaleX = static_cast<double>(truth.sigma.width()) / fitted.width;
   const double scaleY = static_cast<double>(truth.sigma.height()) / fitted.height;
   const double reach = edgeTexels * std::max(scaleX, scaleY);
@@ -130,7 +130,12 @@ TruthErrors compareWithTruth(const SvbrdfMaps& fitted, const TruthMaps& truth, d
         return std::array<double, 3>{sampleLinear(map, x, y, 0), sampleLinear(map, x, y, 1),
                                      sampleLinear(map, x, y, 2)};
       };
-      diffuse.push_back(colourError(fitted.diffuse.pixel(i, j), colour(truth.diffuse)));
+      const auto trueDiffuse = colour(truth.diffuse);
+      double difference = 0;
+      for (std::size_t c = 0; c < 3; ++c)
+        difference += std::abs(fitted.diffuse.pixel(i, j)[c] - trueDiffuse[c]) / 3;
+      diffuseAbsolute.push_back(difference);
+      diffuse.push_back(colourError(fitted.diffuse.pixel(i, j), trueDiffuse));
       specular.push_back(colourError(fitted.specular.pixel(i, j), colour(truth.specular)));
       sigma.push_back(relativeError(fitted.sigma.at(i, j), sampleLinear(truth.sigma, x, y, 0)));
       kurtosis.push_back(relativeError(fitted.kurtosis.at(i, j), sampleLinear(truth.kurtosis, x, y, 0)));
@@ -145,6 +150,7 @@ TruthErrors compareWithTruth(const SvbrdfMaps& fitted, const TruthMaps& truth, d
   }
   errors.compared = sigma.size();
   errors.diffuse = spreadOf(diffuse);
+  errors.diffuseAbsolute = spreadOf(diffuseAbsolute);
   errors.specular = spreadOf(specular);
   errors.sigma = spreadOf(sigma);
   errors.kurtosis = spreadOf(kurtosis);

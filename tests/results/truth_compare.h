@@ -32,7 +32,8 @@ struct ErrorSpread {
 /// over channels' absolute errors over the mean of the channels. Normals: the angle between them.
 struct TruthErrors {
   ErrorSpread diffuse, specular, sigma, kurtosis, normalDeg;
-  std::size_t compared = 0;  ///< texels in the statistic
+  ErrorSpread diffuseAbsolute;  ///< |fitted - true| albedo, mean over channels
+  std::size_t compared = 0;     ///< texels in the statistic
   std::size_t onEdge =
       0;  ///< left out: a border between materials is near, where photographs mix two of them
   std::size_t notMeasured = 0;  ///< left out: status is neither converged nor iteration limit
