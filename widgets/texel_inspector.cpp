@@ -93,7 +93,7 @@ TexelInspector::TexelInspector(Document* document, QWidget* parent) : QWidget(pa
          "with frequency"));
   line_ = new QComboBox(this);
   line_->addItems({tr("horizontal"), tr("vertical")});
-  line_->setToolTip(tr("Line over the screen through the lobe's peak"));
+  line_->setToolTip(tr("Axis of the screen along which the lobe's profile is shown"));
   line_->setAccessibleName(line_->toolTip());
 
   magnitude_ = new PlotWidget(this);
@@ -385,13 +385,13 @@ void TexelInspector::refreshLobe(const FourierFit& fit, const QPoint& texel) {
   PlotAxis across;
   across.low = slice.position.front() * unitMm;
   across.high = slice.position.back() * unitMm;
-  across.title = horizontal ? tr("x on the screen (mm), at y = %1 mm").arg(slice.through * unitMm, 0, 'f', 1)
-                            : tr("y on the screen (mm), at x = %1 mm").arg(slice.through * unitMm, 0, 'f', 1);
+  across.title =
+      horizontal ? tr("x on the screen (mm), summed over y") : tr("y on the screen (mm), summed over x");
   PlotAxis up;
   const double margin = 0.06 * (high - low);
   up.low = low - margin;
   up.high = high + margin;
-  up.title = tr("f (full white per unit\u00b2)");
+  up.title = tr("f (full white per unit)");
   const double edge = (horizontal ? fit.capture().screen.widthMm : fit.capture().screen.heightMm) / 2;
   std::vector<std::pair<double, QString>> guides;
   if (across.low < -edge * 1.001) guides.emplace_back(-edge, tr("screen's edge"));

@@ -33,13 +33,14 @@ struct SpectrumCurvePoint {
   std::array<std::complex<float>, 3> diffuse, specular;
 };
 
-/// The reflected lobe over the screen along a horizontal or vertical line through its peak (paper, Fig. 3).
+/// The reflected lobe's profile over the screen, after the paper's Fig. 3: f'(x) integrated along the other
+/// axis, which is what the frequencies on this axis determine (the paper shows a slice; that needs the whole
+/// frequency plane). Radiance per pattern unit.
 struct LobeSlice {
   bool horizontal = true;
-  double through = 0;                          ///< the other coordinate, pattern units
   std::vector<double> position;                ///< pattern units
-  std::vector<std::array<float, 3>> model;     ///< f'(x), eq. 10
-  std::vector<std::array<float, 3>> measured;  ///< truncated Fourier sum of the measurements
+  std::vector<std::array<float, 3>> model;     ///< from eq. 10
+  std::vector<std::array<float, 3>> measured;  ///< inverse transform of the few measurements: it rings
 };
 
 struct FourierFitStats {

@@ -47,7 +47,7 @@ TEST(Cli, HelpNamesWhatThereIsWithUnitsAndDefaults) {
   EXPECT_EQ(fit.status, 0);
   for (const char* text :
        {"BUNDLE", "--out", "--size", "texels", "default: 0", "--effects", "--lobe", "--weights",
-        "--max-iterations", "default: 40", "--progress", "--threads", "--stats", "--texel", "--dump-dir"}) {
+        "--max-iterations", "default: 80", "--no-pooling", "--progress", "--threads", "--stats", "--texel", "--dump-dir"}) {
     EXPECT_THAT(fit.out, HasSubstr(text));
   }
   EXPECT_EQ(cli({"--version"}).out.rfind("patina-cli ", 0), 0u);
