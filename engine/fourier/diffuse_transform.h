@@ -7,6 +7,7 @@
 
 namespace patina {
 
+/// How the Lambertian term is transformed.
 enum class DiffuseMethod {
   PaperMixture,  ///< App. B's three Gaussians, equation 12, over the infinite plane
   Quadrature,    ///< the cosine, distance, window and emission as they are, over the lit rectangle

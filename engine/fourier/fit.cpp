@@ -1,7 +1,7 @@
 #include "engine/fourier/fit.h"
 
 #include <sys/resource.h>
-#include <tbb/global_control.h>
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -140,11 +140,12 @@ std::vector<std::pair<std::uint32_t, LobeParameters>> neighbourOffers(const Four
 void ownAlbedos(const FourierFitState& state, SolverSetup setup, SolveState& solve, const JobContext& job) {
   setup.maxIterations = 0;
   const std::size_t count = solve.solution.size();
+  Counter counter{"albedos", static_cast<std::int64_t>(count)};
   tbb::parallel_for(std::size_t{0}, (count + kTile - 1) / kTile, [&](std::size_t t) {
-    if (job.cancelled()) return;
     std::vector<std::uint32_t> part;
     std::vector<LobeParameters> start;
     for (std::size_t s = t * kTile; s < std::min(count, (t + 1) * kTile); ++s) {
+      if (!solve.solved[s]) continue;
       part.push_back(static_cast<std::uint32_t>(s));
       start.push_back(solve.solution[s].lobe);
     }
@@ -153,11 +154,12 @@ void ownAlbedos(const FourierFitState& state, SolverSetup setup, SolveState& sol
     solveSites(setup, tile.data, start, own);
     for (std::size_t i = 0; i < part.size(); ++i) {
       SiteSolution& solution = solve.solution[part[i]];
-      if (!solve.solved[part[i]] || !std::isfinite(own[i].cost)) continue;
+      if (!std::isfinite(own[i].cost)) continue;
       std::ranges::copy(own[i].diffuse, solution.diffuse);
       std::ranges::copy(own[i].specular, solution.specular);
       solution.dataCost = own[i].dataCost;
     }
+    counter.add(job, part.size());
   });
 }
 
@@ -188,7 +190,8 @@ void solveAll(FourierFitState& state, const JobContext& job) {
     solveFrom(
         state, setup, sites, [&](std::uint32_t s) { return starts[s]; }, solve, job, rescuing);
   }
-  if (state.options.poolNeighbours && !job.cancelled()) ownAlbedos(state, setup, solve, job);
+  if (state.options.poolNeighbours)
+    ownAlbedos(state, setup, solve, job);  // quick; a cancelled fit has them too
 
   state.sites.resize(count);
   state.siteStatus.assign(count, TexelStatus::Cancelled);
@@ -226,8 +229,7 @@ void solveAll(FourierFitState& state, const JobContext& job) {
     const Eigen::Vector2f mirror = mirrorOnScreen(state.frame, state.geometry(s), p.normal);
     const bool off = std::abs(mirror.x()) > state.frame.halfExtent.x() ||
                      std::abs(mirror.y()) > state.frame.halfExtent.y();
-    constexpr float kMostClipped = 0.2f;  // beyond, what is left no longer determines ten unknowns safely
-    state.siteStatus[s] = m.clippedFraction[s] > kMostClipped             ? TexelStatus::Clipped
+    state.siteStatus[s] = m.clippedFraction[s] > 0                        ? TexelStatus::Clipped
                           : off                                           ? TexelStatus::MirrorOffScreen
                           : found.outcome == SolveOutcome::IterationLimit ? TexelStatus::IterationLimit
                                                                           : TexelStatus::Converged;
@@ -259,6 +261,7 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
     state->measurements = std::move(*measured);
   }
   const FourierMeasurements& m = state->measurements;
+  const int mapSize = options.size > 0 ? options.size : resolvedSize(capture, m.sites);
   state->stats.noiseShot = m.noise.shot;
   state->stats.noiseRead = m.noise.read;
   state->stats.clippedSamples = m.clippedSamples;
@@ -283,22 +286,18 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   }
   {
     SecondsOf timer(state->stats, "maps");
-    const int size = options.size > 0 ? options.size : resolvedSize(capture, m.sites);
-    state->maps = mapsFromSites(*state, size);
+    state->maps = mapsFromSites(*state, mapSize, job);
     for (const float value : state->maps.status.samples())
       ++state->stats.statusCounts[statusName(static_cast<TexelStatus>(static_cast<int>(value)))];
   }
-  state->stats.holdoutRms = -1;
-  if (!job.cancelled()) {
-    SecondsOf timer(state->stats, "holdout");
-    for (const bool holdout : {false, true}) {
-      if (holdout && m.plan.heldOut.empty()) continue;
-      const auto error = photoError(*state, holdout, job);
-      if (!error && error.error().code != ErrorCode::Cancelled) return error.error();
-      if (!error) break;
-      (holdout ? state->stats.holdoutRms : state->stats.fitRms) = error->rms;
-      (holdout ? state->stats.noiseFloorHoldout : state->stats.noiseFloorFit) = error->noiseFloor;
-    }
+  for (const bool holdout : {false, true}) {
+    if (job.cancelled() || (holdout && m.plan.heldOut.empty())) continue;
+    SecondsOf timer(state->stats, holdout ? "holdout" : "predict");
+    const auto error = photoError(*state, holdout, job);
+    if (!error && error.error().code != ErrorCode::Cancelled) return error.error();
+    if (!error) break;
+    (holdout ? state->stats.holdoutRms : state->stats.fitRms) = error->rms;
+    (holdout ? state->stats.noiseFloorHoldout : state->stats.noiseFloorFit) = error->noiseFloor;
   }
   state->stats.cancelled = job.cancelled();
   return state;
@@ -342,7 +341,7 @@ Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& captu
   arena.execute([&] { state.emplace(runFit(capture, options, job)); });
   if (!*state) return state->error();
   FourierFitStats& stats = (**state)->stats;
-  stats.threads = arena.max_concurrency();
+  stats.threads = std::min(arena.max_concurrency(), tbb::info::default_concurrency());
   stats.seconds["total"] = std::chrono::duration<double>(Clock::now() - start).count();
   stats.peakBytes = peakBytes();
   return makeFourierFit(std::move(**state));

@@ -45,10 +45,11 @@ struct LobeSlice {
 
 struct FourierFitStats {
   std::map<std::string, double>
-      seconds;             ///< by stage: "read", "measure", "geometry", "solve", "maps", "holdout"
+      seconds;             ///< by stage: "read", "geometry", "solve", "maps", "predict", "holdout"; "total"
   std::size_t texels = 0;  ///< solved sites
   double meanIterations = 0;
-  double fitRms = 0, holdoutRms = 0;  ///< relative, over photographs; holdoutRms < 0: none declared
+  double fitRms = -1,
+         holdoutRms = -1;  ///< relative, over photographs; < 0: not computed (cancelled, or none held out)
   double noiseFloorFit = 0, noiseFloorHoldout = 0;
   double noiseShot = 0, noiseRead = 0;              ///< variance = shot * radiance + read^2, radiance units
   std::map<std::string, std::size_t> statusCounts;  ///< maps' texels by status name
@@ -71,20 +72,24 @@ class FourierFit {
   /// Parameters of the measured point nearest to a map texel. Cheap.
   virtual SvbrdfParameters parametersAt(int texelX, int texelY) const = 0;
   /// Measured and predicted spectrum at that point; DC first, then in the capture's order, fitted then held
-  /// out.
+  /// out (the latter not for a cancelled fit, which never read them). Empty where no photograph sees the
+  /// texel.
   virtual std::vector<SpectrumSample> spectrumAt(int texelX, int texelY) const = 0;
   /// The model along `direction` (e.g. (1, 0)) for 0 <= frequency <= maxFrequency.
   virtual std::vector<SpectrumCurvePoint> modelSpectrumAt(int texelX, int texelY, Eigen::Vector2d direction,
                                                           double maxFrequency, int count) const = 0;
+  /// The lobe's profile along the screen's x (horizontal) or y axis at `count` >= 2 positions from rim to
+  /// rim. Empty where no photograph sees the texel. About 10 ms.
   virtual LobeSlice lobeAt(int texelX, int texelY, bool horizontal, int count) const = 0;
 };
 
 /// Fits per-texel SVBRDF parameters to a capture of kind `fourier`.
 /// Source: frequency-domain paper, equations 6 to 12, appendices B to E; departures in docs/fourier_fit.md.
-/// Reads every photograph once; photographs marked holdout only for the error of prediction after the fit is
-/// done. Cancelled: the fit so far is returned with stats().cancelled set, unless nothing was fitted yet
-/// (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the patterns can't determine the
-/// model. Threads: all cores, or job.threads.
+/// Reads every fitted photograph for the fit, and all of them once more for the errors of prediction; those
+/// marked holdout only then. Progress stages: "read", "solve", "rescue" (neighbours' offers), "albedos",
+/// "maps", "predict", "holdout". Cancelled: the fit so far is returned with stats().cancelled set, unless
+/// nothing was fitted yet (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the
+/// patterns can't determine the model. Threads: all cores, or job.threads.
 Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,
                                                      const FourierFitOptions& options, const JobContext& job);
 
@@ -92,7 +97,9 @@ Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& captu
 /// to a temporary folder beside it first, so that a failure leaves an earlier result as it was.
 Status writeFourierFit(const std::filesystem::path& folder, const FourierFit& fit);
 
-/// Brings back a written fit: maps and numbers from `fitFolder`, measurements from the bundle it names.
+/// Brings back a written fit: maps and numbers from `fitFolder`, measurements from the bundle it names, read
+/// again. Parameters of single points come from the maps. Errors: those of reading maps and bundle; Malformed
+/// where fit.json is not one of ours; Cancelled.
 Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::path& fitFolder,
                                                          const JobContext& job);
 

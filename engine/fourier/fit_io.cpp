@@ -1,6 +1,8 @@
+#include <tbb/task_arena.h>
+
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "engine/base/atomic_file.h"
 #include "engine/base/file.h"
@@ -64,13 +66,18 @@ Status writeFourierFit(const std::filesystem::path& folder, const FourierFit& fi
     return Error{ErrorCode::WriteFailed, "can't make the folder for the maps: " + failed.message(),
                  folder.string(), "check the disk's space and permissions"};
   if (auto status = writeMaps(staged->path() / "maps", fit.maps()); !status) return status;
-  if (auto status = writeFileAtomically(staged->path() / "fit.json", toJson(fit).dump(1) + "\n"); !status)
+  if (auto status =
+          writeFileAtomically(staged->path() / "fit.json",
+                              toJson(fit).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+      !status)
     return status;
   return staged->commit();
 }
 
-Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::path& fitFolder,
-                                                         const JobContext& job) {
+namespace {
+
+Result<std::unique_ptr<FourierFitState>> loadState(const std::filesystem::path& fitFolder,
+                                                   const JobContext& job) {
   constexpr std::uint64_t kLargestFitJson = 1 << 20;
   const auto jsonFile = fitFolder / "fit.json";
   auto text = readFile(jsonFile, kLargestFitJson);
@@ -165,7 +172,23 @@ Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::
     state->siteStatus[s] = static_cast<TexelStatus>(static_cast<int>(m.status.at(i, j)));
     state->siteResidual[s] = m.residual.at(i, j);
   }
-  return makeFourierFit(std::move(state));
+  // Held-out measurements for the spectra; the errors themselves stand in fit.json.
+  if (!state->stats.cancelled && !state->measurements.plan.heldOut.empty()) {
+    const auto error = photoError(*state, true, job);
+    if (!error) return error.error();
+  }
+  return state;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const FourierFit>> loadFourierFit(const std::filesystem::path& fitFolder,
+                                                         const JobContext& job) {
+  tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
+  std::optional<Result<std::unique_ptr<FourierFitState>>> state;
+  arena.execute([&] { state.emplace(loadState(fitFolder, job)); });
+  if (!*state) return state->error();
+  return makeFourierFit(std::move(**state));
 }
 
 }  // namespace patina

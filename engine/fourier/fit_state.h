@@ -39,7 +39,8 @@ struct FourierFitState {
 
 /// Maps over the sample rectangle from the sites' solutions. Bilinear between pixels of one material; not
 /// across an edge.
-SvbrdfMaps mapsFromSites(const FourierFitState& state, int size);
+/// Runs to its end even if `job` is cancelled (a cancelled fit has maps too); parallel over rows.
+SvbrdfMaps mapsFromSites(const FourierFitState& state, int size, const JobContext& job);
 
 /// Relative RMS of prediction over photographs, and the same for a perfect model under the sensor's noise.
 struct PhotoError {
@@ -47,10 +48,13 @@ struct PhotoError {
 };
 /// Predicts every photograph of the groups (and the window, for the fitted split) at every solved site and
 /// compares. Reads the photographs again; keeps the held-out measurements in `state.heldOutZ`.
+/// Polls for a stop every few hundred sites.
 Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobContext& job);
 
+/// Wraps a finished state; immutable from then on.
 std::shared_ptr<const FourierFit> makeFourierFit(std::unique_ptr<FourierFitState> state);
 
+/// A status in words ("mirror point off the screen"), as in fit.json.
 const char* statusName(TexelStatus status);
 
 }  // namespace patina

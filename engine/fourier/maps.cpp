@@ -1,6 +1,9 @@
 #include "engine/fourier/maps.h"
 
+#include <tbb/parallel_for.h>
+
 #include <array>
+#include <atomic>
 #include <cmath>
 
 #include "engine/fourier/fit_state.h"
@@ -93,7 +96,7 @@ std::int64_t FourierFitState::siteOfTexel(int texelX, int texelY) const {
   return best;
 }
 
-SvbrdfMaps mapsFromSites(const FourierFitState& state, int size) {
+SvbrdfMaps mapsFromSites(const FourierFitState& state, int size, const JobContext& job) {
   const FourierCapture& capture = state.capture;
   const double longest = std::max(capture.sampleWidthMm, capture.sampleHeightMm);
   SvbrdfMaps maps;
@@ -121,7 +124,8 @@ SvbrdfMaps mapsFromSites(const FourierFitState& state, int size) {
         ((a.diffuse - b.diffuse).abs() / (0.03f + 0.15f * a.diffuse.max(b.diffuse))).maxCoeff();
     return std::exp(-0.5f * (width * width + normal * normal + albedo * albedo));
   };
-  for (int j = 0; j < maps.height; ++j) {
+  std::atomic<std::int64_t> done{0};
+  tbb::parallel_for(0, maps.height, [&](int j) {
     for (int i = 0; i < maps.width; ++i) {
       const Eigen::Vector3d point(((i + 0.5) / maps.width - 0.5) * maps.widthMm,
                                   (0.5 - (j + 0.5) / maps.height) * maps.heightMm, 0);
@@ -171,7 +175,8 @@ SvbrdfMaps mapsFromSites(const FourierFitState& state, int size) {
       maps.residual.at(i, j) = static_cast<float>(residual / total);
       maps.status.at(i, j) = static_cast<float>(status);
     }
-  }
+    job.progress("maps", ++done, maps.height, "rows");
+  });
   return maps;
 }
 

@@ -16,7 +16,7 @@ enum class TexelStatus : std::uint8_t {
   MirrorOffScreen = 3,  ///< the mirror point leaves the lit area: gloss, width and kurtosis are not measured
   Clipped = 4,          ///< too many photographs saturate here
   Failed = 5,           ///< no finite solution
-  Cancelled = 6,        ///< stopped before its turn; the initial guess is kept
+  Cancelled = 6,        ///< stopped before its turn: albedos are zero, the lobe is the first start
 };
 
 /// A fitted sheet: maps over the sample rectangle, row 0 at +y, column 0 at -x, texel (i, j) centred on

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <numbers>
 
+#include "engine/capture/encoding.h"
 #include "engine/fourier/sensor_noise.h"
 
 namespace patina {
@@ -100,11 +101,21 @@ void sharpenZeroFrequency(FourierMeasurements& m, const std::vector<double>& eve
   }
 }
 
-/// Values at or above which a decoded photograph carries no information; linear photographs have no such
-/// level.
-float clippingLevel(const FourierCapture& capture, const FourierPhoto& photo) {
-  return photo.encoding.empty() ? std::numeric_limits<float>::infinity()
-                                : static_cast<float>(0.995 * capture.radianceScale);
+/// The radiance that a photograph's highest code value stands for, R G B; infinite for linear photographs,
+/// whose bundle doesn't say where the sensor ends.
+std::array<float, 3> clippingLevels(const FourierCapture& capture, const FourierPhoto& photo) {
+  constexpr float kNever = std::numeric_limits<float>::infinity();
+  std::array<float, 3> level{kNever, kNever, kNever};
+  const auto encoding = parseEncoding(photo.encoding, photo.file);
+  if (!encoding || encoding->kind == PhotoEncoding::Kind::Linear) return level;
+  level.fill(static_cast<float>(capture.radianceScale));
+  if (encoding->kind == PhotoEncoding::Kind::Response) {
+    const auto curves = readResponse(capture.folder / encoding->responseFile);
+    if (!curves) return level;  // readPhoto has the error
+    for (int c = 0; c < 3; ++c)
+      level[c] = static_cast<float>((*curves)[c].output.back() * capture.radianceScale);
+  }
+  return level;
 }
 
 }  // namespace
@@ -115,9 +126,20 @@ Result<MeasurementPlan> planMeasurements(const FourierCapture& capture, const Jo
   std::vector<std::pair<int, int>> fittedOrder, heldOutOrder;
   for (int i = 0; i < static_cast<int>(capture.photos.size()); ++i) {
     const FourierPhoto& photo = capture.photos[i];
-    if (photo.role == PhotoRole::Window && !photo.holdout) plan.window = i;
-    if (photo.role == PhotoRole::Black && !photo.holdout) plan.black = i;
+    if (photo.holdout && photo.role != PhotoRole::Pattern) continue;
+    if (photo.role == PhotoRole::Window || photo.role == PhotoRole::Black) {
+      int& one = photo.role == PhotoRole::Window ? plan.window : plan.black;
+      if (one >= 0)
+        job.warn("more than one photograph of its role: " + photoName(capture, i) + " is used, " +
+                 photoName(capture, one) + " is not");
+      one = i;
+    }
     if (photo.role != PhotoRole::Pattern) continue;
+    if (photo.frequency.isZero()) {
+      job.warn(photoName(capture, i) +
+               " is a pattern of frequency zero and is left out; that is what the window photograph is for");
+      continue;
+    }
     const std::pair<int, int> key{photo.frequency.x(), photo.frequency.y()};
     auto& groups = photo.holdout ? heldOut : fitted;
     auto [it, fresh] = groups.try_emplace(key);
@@ -157,8 +179,9 @@ Result<MeasurementPlan> planMeasurements(const FourierCapture& capture, const Jo
         "capture the paper's set, {1, 2, 3, 4, 6, 10, 20, 40} on both axes and both diagonals");
   bool spansPlane = false;
   for (const auto& group : plan.fitted) {
-    const auto& a = plan.fitted.front().frequency;
-    spansPlane |= a.x() * group.frequency.y() - a.y() * group.frequency.x() != 0;
+    for (const auto& other : plan.fitted)
+      spansPlane |=
+          other.frequency.x() * group.frequency.y() - other.frequency.y() * group.frequency.x() != 0;
   }
   if (!spansPlane)
     return undetermined(
@@ -282,7 +305,8 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
   std::vector<double> evenSum(count * 3, 0.0);
   int evenGroups = 0;
 
-  // Photographs that saturate count against their site; how many it can lose is the solver's decision.
+  // A site with one saturated pixel in one photograph is marked: what its photographs add up to is no longer
+  // light.
   auto readSites = [&](int index) -> std::optional<std::vector<float>> {
     if (job.cancelled()) return std::nullopt;
     auto photo = readPhoto(capture, capture.photos[index]);
@@ -292,15 +316,22 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
       return std::nullopt;
     }
     std::vector<float> values = sampleSites(sites, *photo);
-    const float level = clippingLevel(capture, capture.photos[index]);
-    std::scoped_lock lock(mutex);
-    if (std::isfinite(level)) {
-      for (std::size_t s = 0; s < count; ++s) {
-        if (values[s * 3] < level && values[s * 3 + 1] < level && values[s * 3 + 2] < level) continue;
-        m.clippedFraction[s] += 1.0f / static_cast<float>(total);
-        ++m.clippedSamples;
+    const std::array<float, 3> level = clippingLevels(capture, capture.photos[index]);
+    std::vector<std::int32_t> clipped;
+    if (std::isfinite(level[0])) {
+      const auto samples = photo->samples();
+      for (std::size_t i = 0; i < sites.siteOfPixel.size(); ++i) {
+        if (sites.siteOfPixel[i] < 0) continue;
+        constexpr float kTop = 0.9995f;  // rounding of the decoded top code
+        bool at = false;
+        for (int c = 0; c < 3; ++c) at |= samples[i * 3 + c] >= kTop * level[c];
+        if (at) clipped.push_back(sites.siteOfPixel[i]);
       }
     }
+    std::scoped_lock lock(mutex);
+    m.clippedSamples += clipped.size();
+    for (const auto site : clipped)
+      m.clippedFraction[site] += 1.0f / static_cast<float>(total * sites.pixelCount[site]);
     job.progress("read", ++done, total, "photos");
     return values;
   };

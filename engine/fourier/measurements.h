@@ -65,7 +65,7 @@ struct FourierMeasurements {
   std::vector<float> dcVariances;      ///< [site][R G B]
   std::vector<float> black;            ///< [site][R G B]
   std::vector<float> brightness;       ///< [site][R G B]: mean radiance of the pattern photographs
-  std::vector<float> clippedFraction;  ///< [site]
+  std::vector<float> clippedFraction;  ///< [site]: share of its samples that saturate
   NoiseModel noise;
   double blackVarianceShare = 1;  ///< of one photograph's variance that is left in `black`
   double fullScale = 1;           ///< 99.9th percentile of window minus black

@@ -35,6 +35,7 @@ struct FourierFitOptions {
       true;  ///< average a point's measurements with those of neighbouring pixels that the noise can't tell
              ///< from it; off: every pixel alone, noisier where lobes are broad
 
+  bool operator==(const FourierFitOptions&) const = default;
   /// Every problem with the values, not only the first; empty when usable.
   std::vector<std::string> validate() const;
 };

@@ -15,9 +15,11 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
   std::vector<SiteLobe> lobes(count);
   std::vector<Eigen::Vector3f> normals(count);
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t s) {
+    if (s % 256 == 0 && job.cancelled()) return;
     lobes[s] = siteLobe(state.frame, state.geometry(s), state.sites[s], state.options.lobe);
     normals[s] = normalOnScreen(state.frame, state.sites[s].normal);
   });
+  if (job.cancelled()) return Error{ErrorCode::Cancelled, "cancelled while predicting photographs", "", ""};
   const DiffuseMethod method = state.diffuseMethod();
   if (holdout) state.heldOutZ.assign(count * groups.size() * 6, 0.0f);
 
@@ -86,6 +88,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
           if (!failure) failure = image.error();
           return;
         }
+        if (job.cancelled()) return;
         photo[k] = sampleSites(m.sites, *image);
       }
       if (holdout) {
@@ -99,6 +102,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
       }
       std::vector<float> v(frequencies.size() * 6);
       for (std::size_t s = 0; s < count; ++s) {
+        if (s % 256 == 0 && job.cancelled()) return;
         if (!used(s)) continue;
         diffuse.at(m.sites.pointMm[s].cast<double>(), v.data());
         std::array<std::complex<float>, 2 + kEvenHarmonics> d, l;

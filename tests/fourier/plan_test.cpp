@@ -46,6 +46,12 @@ TEST(MeasurementPlan, RefusesFrequenciesAlongOneLine) {
   EXPECT_THAT(plan.error().what, testing::HasSubstr("along one line"));
 }
 
+TEST(MeasurementPlan, APatternOfFrequencyZeroIsLeftOut) {
+  const auto plan = planMeasurements(captureWith({{0, 0}, {1, 0}, {0, 1}, {2, 2}, {2, -2}}), {});
+  ASSERT_TRUE(plan.ok()) << plan.error().sentence();
+  EXPECT_EQ(plan->fitted.size(), 4u);
+}
+
 TEST(MeasurementPlan, RefusesAHeldOutWindow) {
   auto capture = captureWith({{1, 0}, {0, 1}, {2, 2}, {2, -2}});
   capture.photos[0].holdout = true;
