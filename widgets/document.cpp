@@ -8,12 +8,6 @@ namespace {
 enum CommandId { kToneId = 100, kPickId = 200, kLampId = 201 };
 }
 
-bool sameOptions(const FourierFitOptions& a, const FourierFitOptions& b) {
-  return a.size == b.size && a.lobe == b.lobe && a.weights == b.weights &&
-         a.maxIterations == b.maxIterations && a.tolerance == b.tolerance &&
-         a.neighbourRestarts == b.neighbourRestarts;
-}
-
 class ToneCommand : public QUndoCommand {
  public:
   ToneCommand(Document* document, ViewKind kind, const ToneSettings& after)
@@ -170,7 +164,7 @@ void Document::setTone(ViewKind kind, const ToneSettings& tone) {
 }
 
 void Document::setFitOptions(const FourierFitOptions& options) {
-  if (sameOptions(options, fitOptions_)) return;
+  if (options == fitOptions_) return;
   undo_.push(new OptionsCommand(this, options));
 }
 

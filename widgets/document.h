@@ -21,8 +21,6 @@ struct LampState {
   bool operator==(const LampState&) const = default;
 };
 
-bool sameOptions(const FourierFitOptions& a, const FourierFitOptions& b);
-
 /// One open bundle, its fit and how it is looked at. Everything that a person changes goes through the undo
 /// stack; changes of the same thing within a gesture are merged. Lives in the window's thread.
 class Document : public QObject {

@@ -17,25 +17,31 @@ FitOptionsDialog::FitOptionsDialog(const FourierFitOptions& options, QWidget* pa
   setObjectName(QStringLiteral("fitOptions"));
   size_ = new QSpinBox(this);
   size_->setObjectName(QStringLiteral("optionSize"));
-  size_->setRange(0, 8192);
+  size_->setRange(0, 16384);
   size_->setSingleStep(32);
   size_->setSuffix(tr(" texels"));
   size_->setSpecialValueText(tr("what the photographs resolve"));
   lobe_ = new QComboBox(this);
+  lobe_->setObjectName(QStringLiteral("optionLobe"));
   lobe_->addItem(tr("Exact moments"), static_cast<int>(LobeMapping::ExactMoments));
   lobe_->addItem(tr("Paper's affine map"), static_cast<int>(LobeMapping::PaperAffine));
   weights_ = new QComboBox(this);
+  weights_->setObjectName(QStringLiteral("optionWeights"));
   weights_->addItem(tr("From the photographs' noise"), static_cast<int>(MeasurementWeights::Noise));
   weights_->addItem(tr("Paper's constant"), static_cast<int>(MeasurementWeights::PaperConstant));
   iterations_ = new QSpinBox(this);
   iterations_->setObjectName(QStringLiteral("optionIterations"));
   iterations_->setRange(1, 1000);
   toleranceExponent_ = new QDoubleSpinBox(this);
+  toleranceExponent_->setObjectName(QStringLiteral("optionTolerance"));
   toleranceExponent_->setRange(-12, -1);
   toleranceExponent_->setDecimals(1);
   toleranceExponent_->setSingleStep(0.5);
   toleranceExponent_->setPrefix(QStringLiteral("10^ "));
   restarts_ = new QCheckBox(tr("Offer each texel its neighbours' solutions"), this);
+  restarts_->setObjectName(QStringLiteral("optionRestarts"));
+  pool_ = new QCheckBox(tr("Pool neighbours that noise can't tell apart"), this);
+  pool_->setObjectName(QStringLiteral("optionPool"));
 
   auto* form = new QFormLayout;
   form->setHorizontalSpacing(16);
@@ -61,6 +67,9 @@ FitOptionsDialog::FitOptionsDialog(const FourierFitOptions& options, QWidget* pa
   row(tr("Tolerance"), toleranceExponent_,
       tr("Relative decrease of the cost at which a texel has converged. Smaller: slower."));
   row(QString(), restarts_, tr("Rescues stuck texels at a few percent of the time."));
+  row(QString(), pool_,
+      tr("Averages a point's measurements with those of neighbouring pixels that the noise can't tell from "
+         "it. Off: every pixel alone, noisier where lobes are broad."));
 
   problems_ = new QLabel(this);
   problems_->setWordWrap(true);
@@ -89,8 +98,11 @@ FourierFitOptions FitOptionsDialog::options() const {
   options.lobe = static_cast<LobeMapping>(lobe_->currentData().toInt());
   options.weights = static_cast<MeasurementWeights>(weights_->currentData().toInt());
   options.maxIterations = iterations_->value();
-  options.tolerance = std::pow(10.0, toleranceExponent_->value());
+  options.tolerance = toleranceExponent_->value() == givenExponent_
+                          ? givenTolerance_
+                          : std::pow(10.0, toleranceExponent_->value());
   options.neighbourRestarts = restarts_->isChecked();
+  options.poolNeighbours = pool_->isChecked();
   return options;
 }
 
@@ -100,7 +112,10 @@ void FitOptionsDialog::setOptions(const FourierFitOptions& options) {
   weights_->setCurrentIndex(weights_->findData(static_cast<int>(options.weights)));
   iterations_->setValue(options.maxIterations);
   toleranceExponent_->setValue(std::log10(options.tolerance));
+  givenTolerance_ = options.tolerance;
+  givenExponent_ = toleranceExponent_->value();
   restarts_->setChecked(options.neighbourRestarts);
+  pool_->setChecked(options.poolNeighbours);
   check();
 }
 

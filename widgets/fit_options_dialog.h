@@ -28,7 +28,9 @@ class FitOptionsDialog : public QDialog {
   QSpinBox *size_, *iterations_;
   QComboBox *lobe_, *weights_;
   QDoubleSpinBox* toleranceExponent_;
-  QCheckBox* restarts_;
+  QCheckBox *restarts_, *pool_;
+  /// The tolerance that was given, and what the form shows of it: kept exactly unless somebody changes it.
+  double givenTolerance_ = 0, givenExponent_ = 0;
   QLabel* problems_;
   QDialogButtonBox* buttons_;
 };

@@ -1,6 +1,8 @@
 #include "widgets/photo_library.h"
 
 #include <QMetaObject>
+#include <exception>
+#include <new>
 
 namespace patina {
 
@@ -104,7 +106,26 @@ void PhotoLibrary::run(std::stop_token stop) {
     }
     if (work.bundle != toneOf) tone.reset();
     toneOf = work.bundle;
-    Outcome outcome = read(work, tone);
+    Outcome outcome;
+    try {
+      outcome = read(work, tone);
+    } catch (const std::bad_alloc&) {
+      outcome.error = Error{ErrorCode::Invalid,
+                            "there is not enough memory for this photograph",
+                            {},
+                            "close other programs, or capture at a lower resolution"};
+    } catch (const std::exception& fault) {
+      outcome.error = Error{ErrorCode::Invalid,
+                            std::string("a fault of this program stopped the reading: ") + fault.what(),
+                            {},
+                            "please report this"};
+    } catch (...) {
+      outcome.error =
+          Error{ErrorCode::Invalid, "a fault of this program stopped the reading", {}, "please report this"};
+    }
+    if (outcome.error && outcome.error->where.empty())
+      outcome.error->where = work.capture->photos[work.photo].file;
+    outcome.work = std::move(work);
     if (!tone && !outcome.error) tone = outcome.tone;
     QMetaObject::invokeMethod(
         this, [this, outcome = std::move(outcome)]() mutable { receive(std::move(outcome)); },
@@ -114,7 +135,6 @@ void PhotoLibrary::run(std::stop_token stop) {
 
 PhotoLibrary::Outcome PhotoLibrary::read(const Work& work, const std::optional<ToneSettings>& tone) const {
   Outcome outcome;
-  outcome.work = work;
   auto image = reader_(*work.capture, work.capture->photos[work.photo]);
   if (!image) {
     outcome.error = image.error();

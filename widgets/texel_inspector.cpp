@@ -6,6 +6,7 @@
 #include <QHeaderView>
 #include <QTabWidget>
 #include <QTableWidget>
+#include <algorithm>
 #include <limits>
 #include <numbers>
 
@@ -432,18 +433,26 @@ void TexelInspector::refreshTable(const FourierFit& fit, const QPoint& texel) {
   };
   double error = 0, energy = 0;
   int held = 0;
-  for (const SpectrumSample& sample : fit.spectrumAt(x, y)) {
-    if (!sample.holdout) continue;
+  const bool cancelled = fit.stats().cancelled;  // then at most a part of them was read
+  const std::vector<SpectrumSample> spectrum = fit.spectrumAt(x, y);
+  for (const SpectrumSample& sample : spectrum) {
+    if (!sample.holdout || cancelled) continue;
     ++held;
     for (int c = 0; c < 3; ++c) {
       error += std::norm(sample.measured[c] - sample.diffuse[c] - sample.specular[c]);
       energy += std::norm(sample.measured[c]);
     }
   }
-  rows.push_back(
-      {tr("Held-out error"),
-       held && energy > 0 ? QString::number(std::sqrt(error / energy), 'f', 4) : tr("none held out"),
-       held ? tr("relative RMS, %1 frequencies").arg(held) : QString()});
+  const auto& photos = fit.capture().photos;
+  const bool anyHeldOut =
+      std::any_of(photos.begin(), photos.end(), [](const FourierPhoto& photo) { return photo.holdout; });
+  const QString noError = spectrum.empty() ? tr("not measured here")
+                          : held           ? tr("held-out photographs are black here")
+                          : anyHeldOut     ? tr("held-out photographs were not read")
+                                           : tr("none held out");
+  rows.push_back({tr("Held-out error"),
+                  held && energy > 0 ? QString::number(std::sqrt(error / energy), 'f', 4) : noError,
+                  held ? tr("relative RMS, %1 frequencies").arg(held) : QString()});
   table_->setRowCount(static_cast<int>(rows.size()));
   for (int i = 0; i < static_cast<int>(rows.size()); ++i) {
     const QString texts[3] = {rows[i].name, rows[i].value, rows[i].unit};

@@ -20,19 +20,16 @@ constexpr auto kGuessAfter = std::chrono::seconds(2);  // a time left from less 
 std::string titleOf(std::string_view stage) {
   static const std::map<std::string_view, std::string> titles = {
       {"read", "Reading photographs"},
-      {"noise", "Estimating the noise"},
-      {"measure", "Measuring the spectrum"},
       {"geometry", "Working out the geometry"},
-      {"guess", "Guessing a start"},
       {"solve", "Fitting"},
-      {"restart", "Retrying stuck texels"},
+      {"rescue", "Retrying stuck texels"},
+      {"albedos", "Settling the albedos"},
       {"maps", "Making the maps"},
       {"predict", "Predicting the photographs"},
       {"holdout", "Checking against held-out photographs"},
-      {"write", "Writing"},
-      {"dump", "Writing stage images"},
-      {"simulate", "Simulating photographs"},
-      {"render", "Rendering"}};
+      {"expose", "Simulating photographs"},
+      {"write", "Writing photographs"},
+      {"dump", "Writing stage images"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }
@@ -137,10 +134,21 @@ void Console::say(std::string_view line) {
 }
 
 void Console::complain(std::string_view line) {
+  complain("", Error{ErrorCode::Invalid, std::string(line), "", ""});
+}
+
+void Console::complain(std::string_view prefix, const Error& error) {
   const std::lock_guard lock(mutex_);
   clearLine();
   std::fflush(stdout);
-  std::fprintf(stderr, "%.*s\n", static_cast<int>(line.size()), line.data());
+  std::string line =
+      std::string(prefix) + (error.where.empty() && error.tryThis.empty() ? error.what : error.sentence());
+  if (json_) {
+    const nlohmann::ordered_json object = {
+        {"error", {{"what", error.what}, {"where", error.where}, {"try", error.tryThis}}}};
+    line = object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  }
+  std::fprintf(stderr, "%s\n", line.c_str());
 }
 
 void Console::finishProgress() {

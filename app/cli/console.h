@@ -7,12 +7,16 @@
 #include <string_view>
 
 #include "engine/base/job.h"
+#include "engine/base/result.h"
 
 namespace patina::cli {
 
 /// The terminal: results go to stdout; progress, notes and failures to stderr. On a terminal progress is one
-/// line that rewrites itself; in a pipe or a file, one line a stage; with `json`, one object a line (and
-/// notes then go to stdout, so that stderr stays readable by programs). Threading: any.
+/// line that rewrites itself; in a pipe or a file, one line a stage; with `json`, one object a line: progress
+/// as
+/// {"stage", "done", "total", "unit"}, a failure as {"error": {"what", "where", "try"}} (and notes then go to
+/// stdout, so that stderr stays readable by programs). Only what is wrong with the command line itself, found
+/// before the style of the output is known, is always plain text. Threading: any.
 class Console : public ProgressSink, public LogSink {
  public:
   Console();
@@ -26,6 +30,8 @@ class Console : public ProgressSink, public LogSink {
   void say(std::string_view line);
   /// A failure, to stderr.
   void complain(std::string_view line);
+  /// The same with its parts known; `prefix` ("Error: ") is for people.
+  void complain(std::string_view prefix, const Error& error);
   /// Takes the progress line away, if there is one.
   void finishProgress();
 

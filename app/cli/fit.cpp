@@ -33,9 +33,17 @@ std::optional<std::pair<int, int>> parseTexel(const std::string& text) {
   return texel;
 }
 
-bool sameFolder(const fs::path& a, const fs::path& b) {
-  std::error_code code;
-  return fs::equivalent(a, b, code) && !code;
+/// Whether a folder, there already or not, is the bundle's or lies in it.
+bool isInside(const fs::path& folder, const fs::path& bundle) {
+  std::error_code code, ignored;
+  const fs::path home = fs::canonical(bundle, code);
+  if (code) return false;
+  for (fs::path at = fs::weakly_canonical(fs::absolute(folder, ignored), ignored); !at.empty();
+       at = at.parent_path()) {
+    if (fs::equivalent(at, home, ignored)) return true;
+    if (at == at.parent_path()) break;
+  }
+  return false;
 }
 
 /// Fails now rather than after minutes of work where nothing could be written.
@@ -74,9 +82,12 @@ int runFit(FitArguments& arguments, Context& context) {
   if (!capture) return context.fail(capture.error());
   for (const std::string& folder : {arguments.out, arguments.dumpDir}) {
     if (folder.empty()) continue;
-    if (sameFolder(folder, capture->folder)) {
-      return context.misuse("the bundle's own folder is never written to. Try: another folder, such as " +
-                            (fs::path(arguments.out) / "fit").string() + ".");
+    if (isInside(folder, capture->folder)) {
+      std::error_code ignored;
+      const fs::path home = fs::canonical(capture->folder, ignored);
+      return context.misuse("the bundle is never written to, and " + folder +
+                            " is in it. Try: a folder beside it, such as " +
+                            (home.parent_path() / (home.filename().string() + "-fit")).string() + ".");
     }
     Status writable = checkWritable(folder);
     if (!writable) return context.fail(writable.error());
@@ -93,7 +104,7 @@ int runFit(FitArguments& arguments, Context& context) {
   context.console.say("Maps are in " + (fs::path(arguments.out) / "maps").string() + ", numbers in " +
                       (fs::path(arguments.out) / "fit.json").string() + ".");
   if (context.common.stats) printStats(fitted.stats(), context);
-  int status = fitted.stats().cancelled ? kCancelled : kDone;
+  int status = kDone;
   for (const auto& [x, y] : texels) {
     if (x < fitted.maps().width && y < fitted.maps().height) {
       printTexel(fitted, x, y, context);
@@ -104,6 +115,8 @@ int runFit(FitArguments& arguments, Context& context) {
                          std::to_string(fitted.maps().height) + " texels; everything else was written.");
     }
   }
+  // Cancelled counts more than a texel off the maps: the maps are not whole.
+  if (fitted.stats().cancelled) status = kCancelled;
   if (!arguments.dumpDir.empty() && status != kCancelled) {
     Status dumped = writeDump(arguments.dumpDir, fitted, job);
     if (!dumped) return context.fail(dumped.error());

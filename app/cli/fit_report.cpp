@@ -37,6 +37,10 @@ void printSummary(const FourierFit& fit, Context& context) {
                              stats.cancelled ? "Cancelled; kept what was fitted of" : "Fitted", maps.width,
                              maps.height, counted(fit.capture().photos.size(), "photograph").c_str(),
                              total(stats)));
+  if (stats.fitRms < 0) {
+    context.console.say("Relative error: not computed.");
+    return;
+  }
   std::string errors = format("Relative error: %.2f %% of the photographs fitted", 100 * stats.fitRms);
   if (stats.noiseFloorFit > 0) errors += format(" (their noise: %.2f %%)", 100 * stats.noiseFloorFit);
   if (stats.holdoutRms >= 0) {
@@ -67,8 +71,12 @@ void printStats(const FourierFitStats& stats, Context& context) {
   for (const auto& [name, count] : stats.statusCounts) {
     console.say(format("  %-22s %9zu", name.c_str(), count));
   }
-  console.say(
-      format("Relative error, fitted   %8.5f  (noise floor %.5f)", stats.fitRms, stats.noiseFloorFit));
+  if (stats.fitRms >= 0) {
+    console.say(
+        format("Relative error, fitted   %8.5f  (noise floor %.5f)", stats.fitRms, stats.noiseFloorFit));
+  } else {
+    console.say("Relative error, fitted   not computed");
+  }
   if (stats.holdoutRms >= 0) {
     console.say(format("Relative error, held out %8.5f  (noise floor %.5f)", stats.holdoutRms,
                        stats.noiseFloorHoldout));

@@ -3,6 +3,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdlib>
 #include <thread>
 
@@ -11,11 +12,18 @@
 namespace patina::cli {
 namespace {
 
+std::atomic<bool> silent{false};
+
 void tell(const char* text, std::size_t length) {
+  if (silent) return;
   if (::write(STDERR_FILENO, text, length) < 0) return;  // nobody is listening any more
 }
 
 }  // namespace
+
+void sayNothingOnInterrupt(bool nothing) {
+  silent = nothing;
+}
 
 std::stop_token stopOnInterrupt() {
   // A full disk or quota and a closed pipe become error codes, which have sentences, instead of sudden
@@ -34,7 +42,8 @@ std::stop_token stopOnInterrupt() {
   if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);  // nohup wants it ignored
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
-  static std::stop_source source;  // outlives the thread, which ends with the process
+  // Never destroyed: the thread may still use it while the process ends.
+  static std::stop_source& source = *new std::stop_source;
   std::thread([signals] {
     constexpr char first[] = "\nCancelling; what is finished is kept. Once more ends at once.\n";
     constexpr char second[] = "\nEnded at once. A hidden folder named *.partial-* may be left over.\n";

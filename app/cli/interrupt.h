@@ -9,4 +9,7 @@ namespace patina::cli {
 /// exists.
 std::stop_token stopOnInterrupt();
 
+/// Whether the signals' own sentences on stderr are left out, where programs read it.
+void sayNothingOnInterrupt(bool silent);
+
 }  // namespace patina::cli

@@ -19,12 +19,12 @@ JobContext Context::job() {
 }
 
 int Context::fail(const Error& error) {
-  console.complain((error.code == ErrorCode::Cancelled ? "Cancelled: " : "Error: ") + error.sentence());
+  console.complain(error.code == ErrorCode::Cancelled ? "Cancelled: " : "Error: ", error);
   return error.code == ErrorCode::Cancelled ? kCancelled : kBadInput;
 }
 
 int Context::misuse(const std::string& sentence) {
-  console.complain("Error: " + sentence);
+  console.complain("Error: ", Error{ErrorCode::Invalid, sentence, "", ""});
   return kWrongUse;
 }
 
@@ -36,9 +36,11 @@ void addCommonOptions(CLI::App& verb, Context& context) {
           [&context](const std::string& style) {
             context.common.progressJson = style == "json";
             context.console.useJson(context.common.progressJson);
+            sayNothingOnInterrupt(context.common.progressJson);
           },
           "How progress is shown on stderr: text, or json for one object a line,\n"
-          "{\"stage\", \"done\", \"total\", \"unit\"} [default: text]")
+          "{\"stage\", \"done\", \"total\", \"unit\"}, and a failure as\n"
+          "{\"error\": {\"what\", \"where\", \"try\"}} [default: text]")
       ->check(CLI::IsMember({"text", "json"}))
       ->option_text("text|json")
       ->group(kGroup);

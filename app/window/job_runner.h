@@ -30,18 +30,21 @@ class JobRunner : public QObject {
   std::uint64_t start(std::function<Result<Value>(const JobContext&)> work,
                       std::function<void(Result<Value>)> done) {
     using Outcome = std::shared_ptr<Result<Value>>;
-    return launch(
-        [work = std::move(work), done = std::move(done)](const JobContext& job) -> std::function<void()> {
-          Outcome outcome;
-          try {
-            outcome.reset(new Result<Value>(work(job)));
-          } catch (const std::exception& fault) {  // our own bug, or no memory: what is open must survive it
-            outcome.reset(new Result<Value>(Error{
-                ErrorCode::Invalid, std::string("A fault of this program stopped the work: ") + fault.what(),
-                "", "Try again with smaller maps, and please report this"}));
-          }
-          return [outcome, done] { done(std::move(*outcome)); };
-        });
+    return launch([work = std::move(work),
+                   done = std::move(done)](const JobContext& job) -> std::function<void()> {
+      Outcome outcome;
+      try {
+        outcome.reset(new Result<Value>(work(job)));
+      } catch (const std::exception& fault) {  // our own bug, or no memory: what is open must survive it
+        outcome.reset(new Result<Value>(Error{
+            ErrorCode::Invalid, std::string("A fault of this program stopped the work: ") + fault.what(), "",
+            "Try again with smaller maps, and please report this"}));
+      } catch (...) {
+        outcome.reset(new Result<Value>(Error{ErrorCode::Invalid, "A fault of this program stopped the work",
+                                              "", "Try again with smaller maps, and please report this"}));
+      }
+      return [outcome, done] { done(std::move(*outcome)); };
+    });
   }
 
   /// Asks the running job to stop; its outcome (what it has so far) is still delivered.

@@ -451,7 +451,7 @@ void MainWindow::refreshHealth() {
   const auto total = stats.seconds.find("total");
   const double seconds = total == stats.seconds.end() ? 0 : total->second;
   const auto percent = [](double value) {
-    return QString::number(100 * value, 'f', 2) + QStringLiteral(" %");
+    return value > 0 ? QString::number(100 * value, 'f', 2) + QStringLiteral(" %") : tr("not known");
   };
   QString text = stats.cancelled ? tr("Cancelled fit") : tr("Fitted");
   text += QStringLiteral("  \u00b7  ") + tr("%L1 points in %2 s").arg(stats.texels).arg(seconds, 0, 'f', 1);

@@ -273,15 +273,17 @@ void MainWindow::showAbout() {
   about.setWindowTitle(tr("About Patina"));
   about.setIconPixmap(theme::icon("app").pixmap(QSize(64, 64), devicePixelRatioF()));
   about.setTextFormat(Qt::RichText);
-  about.setText(tr("<h3>Patina %1</h3>"
-                   "<p>Measures how materials reflect light: fits maps of diffuse and specular reflectance, "
-                   "normals, lobe width and "
-                   "kurtosis to photographs that a screen's Fourier patterns lit.</p>"
-                   "<p>Method: Aittala, Weyrich, Lehtinen, <i>Practical SVBRDF Capture in the Frequency "
-                   "Domain</i>, ACM Transactions on "
-                   "Graphics, 2013.</p>"
-                   "<p>Licence: Apache-2.0. Built with Qt %2, VTK, Eigen, OpenEXR and OpenCV.</p>")
-                    .arg(QStringLiteral(PATINA_VERSION), QString::fromLatin1(qVersion())));
+  about.setText(
+      tr("<h3>Patina %1</h3>"
+         "<p>Measures how materials reflect light: fits maps of diffuse and specular reflectance, "
+         "normals, lobe width and "
+         "kurtosis to photographs that a screen's Fourier patterns lit.</p>"
+         "<p>Method: Aittala, Weyrich, Lehtinen, <i>Practical SVBRDF Capture in the Frequency "
+         "Domain</i>, ACM Transactions on "
+         "Graphics, 2013.</p>"
+         "<p>Licence: Apache-2.0. Built with Qt %2, VTK, Eigen, OpenEXR, libpng, oneTBB, Highway and "
+         "JSON for Modern C++.</p>")
+          .arg(QStringLiteral(PATINA_VERSION), QString::fromLatin1(qVersion())));
   about.exec();
 }
 

@@ -12,62 +12,80 @@ namespace {
 struct Stage {
   const char* id;
   const char* title;
-  double share;  ///< of a typical fit
+  double share;         ///< of a typical fit
+  const char* timedAs;  ///< the key of FourierFitStats::seconds that its time is part of
 };
 
 // In the order in which a fit passes through them.
 constexpr std::array<Stage, 8> kStages{{
-    {"read", "Reading photographs", 0.08},
-    {"measure", "Forming measurements", 0.03},
-    {"geometry", "Preparing geometry", 0.03},
-    {"guess", "First guess", 0.03},
-    {"solve", "Fitting texels", 0.70},
-    {"maps", "Making maps", 0.02},
-    {"predict", "Predicting the photographs", 0.10},
-    {"holdout", "Predicting held-out photographs", 0.03},
+    {"read", "Reading photographs", 0.09, "read"},
+    {"geometry", "Preparing geometry", 0.02, "geometry"},
+    {"solve", "Fitting texels", 0.65, "solve"},
+    {"rescue", "Trying neighbours' solutions", 0.05, "solve"},
+    {"albedos", "Refining albedos", 0.02, "solve"},
+    {"maps", "Making maps", 0.02, "maps"},
+    {"predict", "Predicting the photographs", 0.12, "predict"},
+    {"holdout", "Predicting held-out photographs", 0.03, "holdout"},
 }};
+
+/// What a stage that nobody told us of takes of the time that is left, for want of anything better.
+constexpr double kUnknownShare = 0.05;
+
+double typicalShareOf(std::string_view timedAs) {
+  double sum = 0;
+  for (const Stage& stage : kStages)
+    if (timedAs == stage.timedAs) sum += stage.share;
+  return sum;
+}
 
 }  // namespace
 
 ProgressEstimate::ProgressEstimate(const std::map<std::string, double>& secondsByStage,
                                    Clock::time_point start)
     : start_(start) {
+  // Seconds by key, each key once; keys of the earlier run that we don't know ("total") say nothing.
+  std::map<std::string, double> seconds;
+  double known = 0, knownShare = 0;
+  for (const Stage& stage : kStages) {
+    const auto entry = secondsByStage.find(stage.timedAs);
+    if (entry == secondsByStage.end() || !(entry->second >= 0) || seconds.count(stage.timedAs)) continue;
+    seconds[stage.timedAs] = entry->second;
+    known += entry->second;
+    knownShare += typicalShareOf(stage.timedAs);
+  }
+  // A stage without a time (the earlier bundle held nothing out, say) has its typical part.
+  const double secondsOfAll = known > 0 ? known / knownShare : 1;
   double sum = 0;
   for (const Stage& stage : kStages) {
-    const auto known = secondsByStage.find(stage.id);
-    // Both predictions are timed as one; most photographs are fitted ones.
-    if (std::string_view(stage.id) == "predict" && known == secondsByStage.end()) {
-      const auto both = secondsByStage.find("holdout");
-      sum += share_[stage.id] = both != secondsByStage.end() ? 0.8 * std::max(both->second, 0.0)
-                                : secondsByStage.empty()     ? stage.share
-                                                             : 0.0;
-      continue;
-    }
-    const double share = known != secondsByStage.end() ? std::max(known->second, 0.0)
-                         : secondsByStage.empty()      ? stage.share
-                                                       : 0.0;
-    share_[stage.id] = share;
-    sum += share;
+    const auto entry = seconds.find(stage.timedAs);
+    share_[stage.id] = known > 0 && entry != seconds.end()
+                           ? entry->second * stage.share / typicalShareOf(stage.timedAs)
+                           : secondsOfAll * stage.share;
+    sum += share_[stage.id];
   }
-  if (sum <= 0)
-    for (const Stage& stage : kStages) sum += share_[stage.id] = stage.share;
   for (auto& [id, share] : share_) share /= sum;
 }
 
 void ProgressEstimate::update(const std::string& stage, std::int64_t done, std::int64_t total,
                               Clock::time_point now) {
-  double before = 0;
-  bool found = false;
-  for (const Stage& known : kStages) {
-    if (stage == known.id) {
-      found = true;
-      break;
+  if (stage != stage_) {
+    stage_ = stage;
+    double before = 0, after = 0;
+    bool found = false;
+    for (const Stage& known : kStages) {
+      if (stage == known.id)
+        found = true;
+      else
+        (found ? after : before) += share_[known.id];
     }
-    before += share_[known.id];
+    // From where the bar stands, so that stages left out or unheard of neither freeze it nor turn it back.
+    from_ = found ? std::max(fraction_, before) : fraction_;
+    const double share = found ? share_[stage] : 0;
+    const double part = !found ? kUnknownShare : share + after > 0 ? share / (share + after) : 1.0;
+    to_ = from_ + (1 - from_) * part;
   }
-  if (!found) return;  // a stage that nobody told us of: the bar stands still rather than lies
   const double within = total > 0 ? std::clamp(static_cast<double>(done) / total, 0.0, 1.0) : 0.0;
-  fraction_ = std::max(fraction_, std::min(1.0, before + share_[stage] * within));
+  fraction_ = std::max(fraction_, std::min(1.0, from_ + (to_ - from_) * within));
   const double elapsed = std::chrono::duration<double>(now - start_).count();
   if (elapsed > 1.0 && fraction_ > 0.02)
     left_ = std::chrono::seconds(std::lround(std::ceil(elapsed * (1 - fraction_) / fraction_)));

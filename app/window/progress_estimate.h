@@ -13,11 +13,12 @@ class ProgressEstimate {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `secondsByStage` of an earlier run; empty: shares of a typical one.
+  /// `secondsByStage`: FourierFitStats::seconds of an earlier run; what is missing there has the share of a
+  /// typical one.
   explicit ProgressEstimate(const std::map<std::string, double>& secondsByStage = {},
                             Clock::time_point start = Clock::now());
 
-  /// Notes that `stage` has `done` of `total`.
+  /// Notes that `stage` has `done` of `total`. A stage that is not known moves the bar a little.
   void update(const std::string& stage, std::int64_t done, std::int64_t total,
               Clock::time_point now = Clock::now());
 
@@ -26,12 +27,14 @@ class ProgressEstimate {
   /// Empty until enough is known: a second and two percent.
   std::optional<std::chrono::seconds> left() const { return left_; }
 
-  /// A stage's id as a person reads it: "solve" is "Fitting texels".
+  /// A stage's id as a person reads it: "solve" is "Fitting texels". An unknown id is returned as it is.
   static std::string title(const std::string& stage);
 
  private:
   std::map<std::string, double> share_;
   Clock::time_point start_;
+  std::string stage_;         ///< the one that last reported
+  double from_ = 0, to_ = 0;  ///< the fractions between which it moves
   double fraction_ = 0;
   std::optional<std::chrono::seconds> left_;
 };

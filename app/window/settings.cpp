@@ -54,6 +54,7 @@ FourierFitOptions Settings::fitOptions() const {
   options.tolerance = store_.value(QStringLiteral("tolerance"), options.tolerance).toDouble();
   options.neighbourRestarts =
       store_.value(QStringLiteral("neighbour_restarts"), options.neighbourRestarts).toBool();
+  options.poolNeighbours = store_.value(QStringLiteral("pool_neighbours"), options.poolNeighbours).toBool();
   store_.endGroup();
   // A file that somebody edited, or an older version's: start anew rather than refuse every fit.
   return options.validate().empty() ? options : FourierFitOptions{};
@@ -71,6 +72,7 @@ void Settings::setFitOptions(const FourierFitOptions& options) {
   store_.setValue(QStringLiteral("max_iterations"), options.maxIterations);
   store_.setValue(QStringLiteral("tolerance"), options.tolerance);
   store_.setValue(QStringLiteral("neighbour_restarts"), options.neighbourRestarts);
+  store_.setValue(QStringLiteral("pool_neighbours"), options.poolNeighbours);
   store_.endGroup();
 }
 

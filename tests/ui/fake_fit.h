@@ -31,11 +31,15 @@ class FakeFit : public FourierFit {
     maps_.status.at(0, 0) = 0;
     stats_.cancelled = cancelled;
     stats_.texels = static_cast<std::size_t>(width) * height;
-    stats_.seconds = {{"read", 0.5}, {"solve", 2.0}, {"total", 2.5}};
+    stats_.seconds = {{"read", 0.5},    {"geometry", 0.1}, {"solve", 2.0}, {"maps", 0.1},
+                      {"predict", 0.4}, {"holdout", 0.1},  {"total", 3.2}};
     stats_.fitRms = 0.011;
     stats_.holdoutRms = 0.012;
     stats_.noiseFloorHoldout = 0.011;
   }
+  /// As an engine does that has not read the held-out photographs.
+  void leaveHeldOutUnread() { heldOutRead_ = false; }
+
   const SvbrdfMaps& maps() const override { return maps_; }
   const FourierFitStats& stats() const override { return stats_; }
   const FourierCapture& capture() const override { return capture_; }
@@ -52,6 +56,7 @@ class FakeFit : public FourierFit {
     if (maps_.status.at(x, y) == 0) return {};
     std::vector<SpectrumSample> samples;
     for (const int k : {0, 1, 2, 4, 8}) {
+      if (k == 4 && !heldOutRead_) continue;
       SpectrumSample sample{};
       sample.frequency = {k, 0};
       sample.holdout = k == 4;
@@ -94,6 +99,7 @@ class FakeFit : public FourierFit {
     return std::polar(static_cast<float>(0.005 * std::exp(-0.05 * k * k)), static_cast<float>(0.3 * k));
   }
 
+  bool heldOutRead_ = true;
   FourierCapture capture_;
   FourierFitOptions options_;
   FourierFitStats stats_;

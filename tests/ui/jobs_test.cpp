@@ -78,6 +78,14 @@ TEST(JobRunner, AFaultOfOursIsAnErrorNotACrash) {
   EXPECT_NE(said.find("index out of range"), std::string::npos);
 }
 
+TEST(JobRunner, WhatIsNoStdExceptionIsAnErrorToo) {
+  JobRunner runner;
+  std::string said;
+  runner.start<int>([](const JobContext&) -> Result<int> { throw 42; },
+                    [&](Result<int> outcome) { said = outcome.ok() ? "" : outcome.error().what; });
+  ASSERT_TRUE(QTest::qWaitFor([&] { return !said.empty(); }, 3000));
+}
+
 TEST(JobRunner, DestroyedWhileRunningStopsTheJob) {
   std::atomic<bool> stopped = false;
   bool delivered = false;
@@ -96,7 +104,7 @@ TEST(ProgressEstimate, NeverFallsAndEndsNearOne) {
   ProgressEstimate estimate({}, start);
   double previous = 0;
   int second = 0;
-  for (const char* stage : {"read", "solve", "predict", "holdout"})
+  for (const char* stage : {"read", "geometry", "solve", "rescue", "albedos", "maps", "predict", "holdout"})
     for (int i = 0; i <= 10; ++i) {
       estimate.update(stage, i, 10, start + std::chrono::seconds(++second));
       EXPECT_GE(estimate.fraction(), previous);
@@ -107,18 +115,80 @@ TEST(ProgressEstimate, NeverFallsAndEndsNearOne) {
 
 TEST(ProgressEstimate, LearnsFromTheLastRun) {
   const ProgressEstimate::Clock::time_point start{};
-  // Reading took nine tenths of the last run: when it is half done, 45 % of the time is over.
-  ProgressEstimate estimate({{"read", 9.0}, {"solve", 1.0}}, start);
+  // As a fit writes them. Reading took nine tenths: when it is half done, 45 % of the time is over.
+  ProgressEstimate estimate({{"read", 9.0},
+                             {"geometry", 0.0},
+                             {"solve", 0.5},
+                             {"maps", 0.1},
+                             {"predict", 0.3},
+                             {"holdout", 0.1},
+                             {"total", 10.0}},
+                            start);
   estimate.update("read", 5, 10, start + 9s);
   EXPECT_NEAR(estimate.fraction(), 0.45, 1e-9);
   ASSERT_TRUE(estimate.left().has_value());
   EXPECT_EQ(estimate.left()->count(), 11);  // 9 s * 0.55 / 0.45
 }
 
-TEST(ProgressEstimate, AnUnknownStageMovesNothing) {
+TEST(ProgressEstimate, CountsEverySecondOfTheLastRunOnce) {
+  // A fit of 100 s: where each stage ends is known.
+  ProgressEstimate estimate({{"read", 10.0},
+                             {"geometry", 2.0},
+                             {"solve", 60.0},
+                             {"maps", 3.0},
+                             {"predict", 20.0},
+                             {"holdout", 5.0},
+                             {"total", 100.0}});
+  estimate.update("read", 10, 10);
+  EXPECT_NEAR(estimate.fraction(), 0.10, 1e-9);
+  estimate.update("geometry", 1, 1);
+  EXPECT_NEAR(estimate.fraction(), 0.12, 1e-9);
+  estimate.update("solve", 10, 10);
+  EXPECT_LT(estimate.fraction(), 0.72);  // its seconds hold those of the next two
+  estimate.update("rescue", 10, 10);
+  estimate.update("albedos", 10, 10);
+  EXPECT_NEAR(estimate.fraction(), 0.72, 1e-9);
+  estimate.update("maps", 1, 1);
+  EXPECT_NEAR(estimate.fraction(), 0.75, 1e-9);
+  estimate.update("predict", 1, 2);
+  EXPECT_NEAR(estimate.fraction(), 0.85, 1e-9);
+  estimate.update("predict", 2, 2);
+  EXPECT_NEAR(estimate.fraction(), 0.95, 1e-9);
+  estimate.update("holdout", 1, 1);
+  EXPECT_NEAR(estimate.fraction(), 1.0, 1e-9);
+}
+
+TEST(ProgressEstimate, AStageThatTheLastRunDidNotHaveStillMovesTheBar) {
+  // The earlier bundle held nothing out; this one does.
+  ProgressEstimate estimate(
+      {{"read", 10.0}, {"geometry", 2.0}, {"solve", 60.0}, {"maps", 3.0}, {"predict", 20.0}});
+  estimate.update("predict", 2, 2);
+  const double before = estimate.fraction();
+  EXPECT_LT(before, 0.99);
+  estimate.update("holdout", 1, 2);
+  EXPECT_GT(estimate.fraction(), before);
+  estimate.update("holdout", 2, 2);
+  EXPECT_NEAR(estimate.fraction(), 1.0, 1e-9);
+}
+
+TEST(ProgressEstimate, AnUnknownStageMovesTheBarAndStopsNoOther) {
   ProgressEstimate estimate;
-  estimate.update("polish", 1, 2);
-  EXPECT_EQ(estimate.fraction(), 0);
+  estimate.update("solve", 1, 2);
+  double before = estimate.fraction();
+  for (const char* stage : {"polish", "solve", "varnish", "holdout"}) {
+    estimate.update(stage, 1, 4);
+    EXPECT_GE(estimate.fraction(), before) << stage;
+    const double quarter = estimate.fraction();
+    estimate.update(stage, 4, 4);
+    EXPECT_GT(estimate.fraction(), quarter) << stage;
+    before = estimate.fraction();
+  }
+  EXPECT_NEAR(estimate.fraction(), 1.0, 1e-9);
+}
+
+TEST(ProgressEstimate, EveryStageOfAFitHasATitle) {
+  for (const char* stage : {"read", "geometry", "solve", "rescue", "albedos", "maps", "predict", "holdout"})
+    EXPECT_NE(ProgressEstimate::title(stage), stage);
   EXPECT_EQ(ProgressEstimate::title("solve"), "Fitting texels");
   EXPECT_EQ(ProgressEstimate::title("polish"), "polish");
 }

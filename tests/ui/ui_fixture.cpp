@@ -21,22 +21,30 @@ std::unique_ptr<MainWindow> WindowTest::makeWindow(Services services) {
   return window;
 }
 
+namespace {
+
+std::filesystem::path simulatedBundle(const char* name, int pixels) {
+  static QTemporaryDir folder;
+  const std::filesystem::path bundle = std::filesystem::path(folder.path().toStdString()) / name;
+  const SimulatedSheet sheet = simulatedScene("laminate");
+  const auto outcome =
+      simulateCapture(bundle, SimulatedRig::desk(pixels, sheet.widthMm, sheet.heightMm), sheet, {}, {});
+  EXPECT_TRUE(outcome.ok()) << (outcome.ok() ? "" : outcome.error().sentence());
+  return bundle;
+}
+
+}  // namespace
+
 std::filesystem::path WindowTest::smallBundle() {
-  static const std::filesystem::path made = [] {
-    static QTemporaryDir folder;
-    const std::filesystem::path bundle = std::filesystem::path(folder.path().toStdString()) / "small sheet";
-    const SimulatedSheet sheet = simulatedScene("laminate");
-    const auto outcome =
-        simulateCapture(bundle, SimulatedRig::desk(28, sheet.widthMm, sheet.heightMm), sheet, {}, {});
-    EXPECT_TRUE(outcome.ok()) << (outcome.ok() ? "" : outcome.error().sentence());
-    return bundle;
-  }();
+  static const std::filesystem::path made = simulatedBundle("small sheet", 28);
   return made;
 }
 
 std::filesystem::path WindowTest::largerBundle() {
   const auto shared = sharedData() / "fourier" / "clean_laminate";
-  return std::filesystem::exists(shared / "capture.json") ? shared : smallBundle();
+  if (std::filesystem::exists(shared / "capture.json")) return shared;
+  static const std::filesystem::path made = simulatedBundle("larger sheet", 96);
+  return made;
 }
 
 std::filesystem::path WindowTest::spoilableBundle(const char* name) {

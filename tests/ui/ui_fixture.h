@@ -23,7 +23,8 @@ class WindowTest : public testing::Test {
   /// A bundle that the simulated rig takes on the fly: 28 x 28 pixels, the paper's frequencies. Made once a
   /// process.
   static std::filesystem::path smallBundle();
-  /// A bundle whose fit takes some seconds: of the shared data where present, else the small one.
+  /// A bundle whose fit takes some seconds: of the shared data where present, else one of 96 x 96
+  /// pixels that the simulated rig takes.
   static std::filesystem::path largerBundle();
   /// A copy of the small bundle that the test may spoil.
   std::filesystem::path spoilableBundle(const char* name);

@@ -1,14 +1,25 @@
 #include <gtest/gtest.h>
 
+#include <QCheckBox>
+#include <QComboBox>
+#include <QDialogButtonBox>
+#include <QDoubleSpinBox>
+#include <QPushButton>
 #include <QSignalSpy>
+#include <QSpinBox>
 #include <QTableWidget>
+#include <QTemporaryDir>
 #include <QTest>
 #include <QWheelEvent>
+#include <new>
+#include <stdexcept>
 
+#include "app/window/settings.h"
 #include "tests/ui/fake_fit.h"
 #include "widgets/document.h"
 #include "widgets/fit_options_dialog.h"
 #include "widgets/image_view.h"
+#include "widgets/photo_library.h"
 #include "widgets/plot_widget.h"
 #include "widgets/sphere_view.h"
 #include "widgets/texel_inspector.h"
@@ -68,7 +79,9 @@ TEST(Document, UndoesOptionsPickAndLamp) {
   document.openCapture(std::make_shared<const FourierCapture>(someCapture()));
   FourierFitOptions options;
   options.maxIterations = 7;
+  options.poolNeighbours = false;
   document.setFitOptions(options);
+  document.setFitOptions(options);  // nothing new: not a step
   document.pickTexel(QPoint(3, 4));
   LampState lamp = document.lamp();
   lamp.positionMm.x() += 30;
@@ -79,9 +92,13 @@ TEST(Document, UndoesOptionsPickAndLamp) {
   document.undoStack()->undo();
   EXPECT_FALSE(document.pickedTexel().has_value());
   document.undoStack()->undo();
-  EXPECT_EQ(document.fitOptions().maxIterations, FourierFitOptions{}.maxIterations);
+  EXPECT_EQ(document.fitOptions(), FourierFitOptions{});
   document.undoStack()->redo();
-  EXPECT_EQ(document.fitOptions().maxIterations, 7);
+  EXPECT_EQ(document.fitOptions(), options);
+  FourierFitOptions pooled = options;
+  pooled.poolNeighbours = true;
+  document.setFitOptions(pooled);
+  EXPECT_TRUE(document.fitOptions().poolNeighbours) << "a change of this field alone is lost";
 }
 
 TEST(Document, UndoBringsTheEarlierFitBackAndHoldsNoThird) {
@@ -244,6 +261,35 @@ TEST(TexelInspector, FollowsTheCursorOnlyWhenAsked) {
   EXPECT_EQ(inspector.shownTexel(), QPoint(5, 5));
 }
 
+/// What the inspector's table says of the held-out error at a texel.
+QString heldOutError(FourierCapture capture, bool cancelled, bool read, const QPoint& texel) {
+  Document document;
+  document.openCapture(std::make_shared<const FourierCapture>(capture));
+  TexelInspector inspector(&document);
+  auto fit = std::make_shared<FakeFit>(std::move(capture), 24, 16, cancelled);
+  if (!read) fit->leaveHeldOutUnread();
+  document.adoptFit(fit, "fit");
+  inspector.setPage(2);
+  inspector.setHovered(texel);
+  QTest::qWait(100);  // it draws a little later
+  for (int row = 0; row < inspector.table()->rowCount(); ++row)
+    if (inspector.table()->item(row, 0)->text() == "Held-out error")
+      return inspector.table()->item(row, 1)->text();
+  return {};
+}
+
+TEST(TexelInspector, SaysWhyThereIsNoHeldOutError) {
+  const FourierCapture none = someCapture();
+  FourierCapture some = someCapture();
+  some.photos.resize(4);
+  for (FourierPhoto& photo : some.photos) photo.holdout = true;
+  EXPECT_EQ(heldOutError(some, false, true, {5, 5}), "0.0000");  // the measurements are the model's here
+  EXPECT_EQ(heldOutError(none, false, false, {5, 5}), "none held out");
+  EXPECT_EQ(heldOutError(some, true, false, {5, 5}), "held-out photographs were not read");
+  EXPECT_EQ(heldOutError(some, false, false, {5, 5}), "held-out photographs were not read");
+  EXPECT_EQ(heldOutError(some, false, true, {0, 0}), "not measured here");
+}
+
 TEST(SphereView, HighlightIsWhereTheLightIsMirrored) {
   SphereView sphere;
   sphere.resize(150, 150);
@@ -274,12 +320,87 @@ TEST(FitOptionsDialog, GivesBackWhatItWasGiven) {
   options.lobe = LobeMapping::PaperAffine;
   options.weights = MeasurementWeights::PaperConstant;
   options.neighbourRestarts = false;
+  options.poolNeighbours = false;
+  options.tolerance = 3e-6;  // not one that the form can show exactly
   FitOptionsDialog dialog(options);
-  EXPECT_TRUE(sameOptions(dialog.options(), options) ||
-              std::abs(dialog.options().tolerance / options.tolerance - 1) < 1e-9);
-  EXPECT_EQ(dialog.options().size, 96);
-  EXPECT_EQ(dialog.options().lobe, LobeMapping::PaperAffine);
-  EXPECT_FALSE(dialog.options().neighbourRestarts);
+  const FourierFitOptions back = dialog.options();
+  EXPECT_EQ(back.size, 96);
+  EXPECT_EQ(back.maxIterations, 12);
+  EXPECT_EQ(back.lobe, LobeMapping::PaperAffine);
+  EXPECT_EQ(back.weights, MeasurementWeights::PaperConstant);
+  EXPECT_FALSE(back.neighbourRestarts);
+  EXPECT_FALSE(back.poolNeighbours);
+  EXPECT_EQ(back.tolerance, 3e-6);
+  EXPECT_EQ(back, options) << "a field that the form does not keep";
+  dialog.setOptions(FourierFitOptions{});
+  EXPECT_EQ(dialog.options(), FourierFitOptions{});
+}
+
+TEST(FitOptionsDialog, EveryFieldCanBeChanged) {
+  FitOptionsDialog dialog(FourierFitOptions{});
+  dialog.findChild<QSpinBox*>("optionSize")->setValue(16384);  // the most that the engine takes
+  dialog.findChild<QSpinBox*>("optionIterations")->setValue(33);
+  dialog.findChild<QComboBox*>("optionLobe")->setCurrentIndex(1);
+  dialog.findChild<QComboBox*>("optionWeights")->setCurrentIndex(1);
+  dialog.findChild<QDoubleSpinBox*>("optionTolerance")->setValue(-3);
+  dialog.findChild<QCheckBox*>("optionRestarts")->click();
+  dialog.findChild<QCheckBox*>("optionPool")->click();
+  const FourierFitOptions changed = dialog.options();
+  EXPECT_EQ(changed.size, 16384);
+  EXPECT_EQ(changed.maxIterations, 33);
+  EXPECT_EQ(changed.lobe, LobeMapping::PaperAffine);
+  EXPECT_EQ(changed.weights, MeasurementWeights::PaperConstant);
+  EXPECT_NEAR(changed.tolerance, 1e-3, 1e-12);
+  EXPECT_FALSE(changed.neighbourRestarts);
+  EXPECT_FALSE(changed.poolNeighbours);
+  EXPECT_TRUE(changed.validate().empty());
+  EXPECT_TRUE(dialog.findChild<QDialogButtonBox*>()->button(QDialogButtonBox::Ok)->isEnabled());
+}
+
+TEST(Settings, KeepsEveryFitOption) {
+  QTemporaryDir folder;
+  FourierFitOptions options;
+  options.size = 200;
+  options.lobe = LobeMapping::PaperAffine;
+  options.weights = MeasurementWeights::PaperConstant;
+  options.maxIterations = 17;
+  options.tolerance = 3e-6;
+  options.neighbourRestarts = false;
+  options.poolNeighbours = false;
+  {
+    Settings settings(folder.filePath("patina.ini"));
+    EXPECT_EQ(settings.fitOptions(), FourierFitOptions{});
+    settings.setFitOptions(options);
+  }
+  EXPECT_EQ(Settings(folder.filePath("patina.ini")).fitOptions(), options);
+}
+
+TEST(PhotoLibrary, AReaderThatThrowsFailsOnePhotographOnly) {
+  auto capture = std::make_shared<FourierCapture>(someCapture());
+  for (const char* file : {"memory.exr", "bug.exr", "oddity.exr", "good.exr"}) {
+    capture->photos.emplace_back();
+    capture->photos.back().file = file;
+  }
+  PhotoLibrary library([](const FourierCapture&, const FourierPhoto& photo) -> Result<Image> {
+    if (photo.file == "memory.exr") throw std::bad_alloc();
+    if (photo.file == "bug.exr") throw std::out_of_range("row 7");
+    if (photo.file == "oddity.exr") throw 42;
+    return Image(8, 8, 3, 0.5f);
+  });
+  std::map<int, Error> failures;
+  QObject::connect(&library, &PhotoLibrary::photoFailed, &library,
+                   [&](int photo, Error error) { failures[photo] = std::move(error); });
+  library.setCapture(capture);
+  for (int photo = 0; photo < 4; ++photo) library.thumbnail(photo);
+  ASSERT_TRUE(QTest::qWaitFor([&] { return !library.thumbnail(3).isNull() && failures.size() == 3; }, 5000));
+  EXPECT_NE(failures[0].what.find("memory"), std::string::npos);
+  EXPECT_NE(failures[1].what.find("row 7"), std::string::npos);
+  for (int photo = 0; photo < 3; ++photo) {
+    EXPECT_TRUE(library.failed(photo));
+    EXPECT_EQ(failures[photo].where, capture->photos[photo].file);
+    EXPECT_FALSE(failures[photo].tryThis.empty());
+  }
+  EXPECT_FALSE(library.failed(3));
 }
 
 }  // namespace

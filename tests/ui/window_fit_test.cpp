@@ -5,6 +5,8 @@
 #include <QProgressBar>
 #include <QPushButton>
 #include <QTimer>
+#include <atomic>
+#include <thread>
 
 #include "tests/ui/ui_fixture.h"
 #include "widgets/error_banner.h"
@@ -51,8 +53,35 @@ class LatencyProbe {
   std::vector<double> gaps_;
 };
 
+/// Passes a fit's progress on, and holds the fit where its first texels are done until it is asked to stop:
+/// however fast the machine, it can be cancelled half way.
+struct HoldAtFirstTexels : ProgressSink {
+  const JobContext& job;
+  explicit HoldAtFirstTexels(const JobContext& passedOn) : job(passedOn) {}
+  void progress(std::string_view stage, std::int64_t done, std::int64_t total,
+                std::string_view unit) override {
+    job.progress(stage, done, total, unit);
+    for (int i = 0; i < 6000 && stage == "solve" && !job.cancelled(); ++i)  // a minute at most
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+};
+
+/// The engine, but the first fit waits for its cancelling.
+Services firstFitHeld() {
+  Services services = Services::engine();
+  services.fit = [fit = services.fit, first = std::make_shared<std::atomic<bool>>(true)](
+                     const FourierCapture& capture, const FourierFitOptions& options, const JobContext& job) {
+    if (!first->exchange(false)) return fit(capture, options, job);
+    HoldAtFirstTexels hold(job);
+    JobContext held = job;
+    held.progressSink = &hold;
+    return fit(capture, options, held);
+  };
+  return services;
+}
+
 TEST_F(WindowTest, FitsCancelsFitsAgainAndStaysAlive) {
-  auto window = makeWindow();
+  auto window = makeWindow(firstFitHeld());
   open(*window, largerBundle());
   ASSERT_TRUE(until([&] { return window->maps()->view()->picture() != nullptr; }));
   LatencyProbe idle;
