@@ -1,17 +1,22 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <functional>
+#include <iterator>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
 
 #include "devices/simulated/simulated_rig.h"
+#include "engine/base/atomic_file.h"
+#include "engine/capture/capture_json.h"
 #include "engine/image/exr.h"
 
 namespace patina {
@@ -51,19 +56,66 @@ std::size_t senseInPlace(Image& photo, const SensorNoise& noise, double fullScal
   return clipped;
 }
 
+constexpr const char* kMadeBy = "patina simulated rig";
+
+bool onlyNames(const fs::path& folder, const std::function<bool(const std::string&)>& ours) {
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+    if (!ours(it->path().filename().string())) return false;
+  return !error;
+}
+
+/// Whether nothing would be lost with the folder: it is missing, empty, or holds a capture that says that the
+/// simulated rig made it, and nothing that the rig doesn't write.
 bool replaceable(const fs::path& folder) {
   std::error_code error;
-  if (!fs::exists(folder, error)) return true;
+  if (fs::symlink_status(folder, error).type() == fs::file_type::not_found) return true;
   if (!fs::is_directory(folder, error)) return false;
   if (fs::is_empty(folder, error)) return true;
-  if (!fs::exists(folder / "capture.json", error)) return false;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename().string();
-    const bool ours =
-        name == "capture.json" || name == "truth" || (name.starts_with("photo_") && name.ends_with(".exr"));
-    if (!ours) return false;
+  std::ifstream in(folder / "capture.json", std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  const Result<FourierCapture> there = parseFourierCapture(text, folder, "capture.json");
+  if (!there || there->madeBy != kMadeBy) return false;
+  const bool truthIsOurs =
+      !fs::exists(folder / "truth", error) ||
+      onlyNames(folder / "truth", [](auto& name) { return name == "truth.json" || name.ends_with(".exr"); });
+  return truthIsOurs && onlyNames(folder, [](const std::string& name) {
+           return name == "capture.json" || name == "truth" ||
+                  (name.starts_with("photo_") && name.ends_with(".exr"));
+         });
+}
+
+Error strangersFolder(const fs::path& folder) {
+  return {ErrorCode::Refused,
+          "the folder holds something that is not a simulated capture, so it is left alone", folder.string(),
+          "name an empty or a new folder"};
+}
+
+/// A hidden name beside `folder` that nobody else uses.
+fs::path hiddenNeighbour(const fs::path& folder, const char* what) {
+  static std::atomic<unsigned> counter{0};
+  const auto now = std::chrono::steady_clock::now().time_since_epoch().count();
+  return folder.parent_path() / ("." + folder.filename().string() + what + std::to_string(::getpid()) + "-" +
+                                 std::to_string(now) + "-" + std::to_string(counter++));
+}
+
+/// Puts the finished capture where an earlier one is: that one aside, this one in, and only then the earlier
+/// one away. On failure the earlier one is back in its place.
+Status replaceFolder(const fs::path& finished, const fs::path& target) {
+  if (!replaceable(target)) return strangersFolder(target);  // changed while the work was going on
+  const fs::path aside = hiddenNeighbour(target, ".replaced-");
+  std::error_code error, ignored;
+  fs::rename(target, aside, error);
+  if (!error) {
+    fs::rename(finished, target, error);
+    if (error) fs::rename(aside, target, ignored);
   }
-  return !error;
+  if (error)
+    return Error{ErrorCode::WriteFailed,
+                 "the finished capture could not be moved into place: " + error.message(), target.string(),
+                 "check the permissions"};
+  fs::remove_all(aside, ignored);
+  return Done{};
 }
 
 Status writeTruth(const fs::path& folder, const SimulatedRig& rig, const SimulatedSheet& sheet,
@@ -105,10 +157,17 @@ Result<SimulatedCaptureReport> simulateCapture(const fs::path& folder, const Sim
                                                const SimulatedSheet& sheet,
                                                const SimulatedCaptureOptions& options,
                                                const JobContext& job) {
-  if (!replaceable(folder))
-    return Error{ErrorCode::Refused,
-                 "the folder holds something that is not a simulated capture, so it is left alone",
-                 folder.string(), "name an empty or a new folder"};
+  std::error_code error;
+  const fs::path resolved = fs::weakly_canonical(fs::absolute(folder), error);  // through symbolic links
+  const fs::path clean = resolved.has_filename() ? resolved : resolved.parent_path();  // "out/" means "out"
+  if (error || clean.empty() || !replaceable(clean)) return strangersFolder(folder);
+  const bool existed = fs::exists(clean, error);
+  // Not committed, it takes itself and the parents that it made away.
+  const fs::path finished = existed ? hiddenNeighbour(clean, ".new-") : clean;
+  Result<StagedFolder> staged = StagedFolder::create(finished);
+  if (!staged) return staged.error();
+  const fs::path partial = staged->path();
+
   SimulatedCaptureReport report;
   Result<SimulatedExposure> exposed = exposeSheet(rig, sheet, options, job, &report);
   if (!exposed) return exposed.error();
@@ -122,26 +181,12 @@ Result<SimulatedCaptureReport> simulateCapture(const fs::path& folder, const Sim
   }
   report.fullScale = fullScale;
 
-  const fs::path target = fs::absolute(folder).lexically_normal();
-  const fs::path clean = target.has_filename() ? target : target.parent_path();
-  const fs::path partial = clean.parent_path() / ("." + clean.filename().string() + ".partial");
-  std::error_code error;
-  fs::remove_all(partial, error);
-  fs::create_directories(partial, error);
-  if (error)
-    return Error{ErrorCode::WriteFailed, "the capture's folder could not be made: " + error.message(),
-                 partial.string(), "check the permissions"};
-  const auto abandon = [&](Error reason) -> Result<SimulatedCaptureReport> {
-    std::error_code ignored;
-    fs::remove_all(partial, ignored);
-    return reason;
-  };
-
   FourierCapture capture;
   capture.folder = partial;
   capture.sampleWidthMm = sheet.widthMm;
   capture.sampleHeightMm = sheet.heightMm;
   capture.sampleName = sheet.name;
+  capture.madeBy = kMadeBy;
   capture.camera = rig.camera;
   capture.screen = rig.screen;
   const auto add = [&](PhotoRole role, Eigen::Vector2i frequency, int phase, bool holdout) {
@@ -190,20 +235,20 @@ Result<SimulatedCaptureReport> simulateCapture(const fs::path& folder, const Sim
       job.progress("write", ++done, exposure.photos(), "photos");
     });
   });
-  if (failure) return abandon(*failure);
-  if (job.cancelled())
-    return abandon(Error{ErrorCode::Cancelled, "the simulated capture was stopped", "", ""});
+  if (failure) return *failure;
+  if (job.cancelled()) return Error{ErrorCode::Cancelled, "the simulated capture was stopped", "", ""};
   report.clippedSamples = clipped;
   if (options.writeTruth)
     if (const Status written = writeTruth(partial / "truth", rig, sheet, options, fullScale); !written)
-      return abandon(written.error());
-  if (const Status written = writeFourierCapture(capture); !written) return abandon(written.error());
-  fs::remove_all(clean, error);
-  fs::rename(partial, clean, error);
-  if (error)
-    return abandon(Error{ErrorCode::WriteFailed,
-                         "the finished capture could not be moved into place: " + error.message(),
-                         clean.string(), "check the permissions"});
+      return written.error();
+  if (const Status written = writeFourierCapture(capture); !written) return written.error();
+  if (const Status moved = staged->commit(); !moved) return moved.error();
+  if (existed) {
+    if (const Status replaced = replaceFolder(finished, clean); !replaced) {
+      fs::remove_all(finished, error);
+      return replaced.error();
+    }
+  }
   report.seconds["write"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - writing).count();
   return report;
 }

@@ -95,10 +95,10 @@ class SimulatedExposure {
   float* data_ = nullptr;
 };
 
-/// that the rig would take of the sheet with a perfect sensor. Source: frequency-domain paper,
-/// equation 1, with the true microfacet BRDF instead of the paper's Gaussian approximation of it; see
-/// ScreenIntegrator. Outside the sheet: black. Errors: Invalid (rig, sheet or options make no sense; a lobe
-/// too narrow for the finest grid), Cancelled. All cores or job.threads.
+/// Noise-free radiance of the photographs that the rig would take of the sheet with a perfect sensor. Source:
+/// frequency-domain paper, equation 1, with the true microfacet BRDF instead of the paper's Gaussian
+/// approximation of it; see ScreenIntegrator. Outside the sheet: black. Errors: Invalid (rig, sheet or
+/// options make no sense; a lobe too narrow for the finest grid), Cancelled. All cores or job.threads.
 Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSheet& sheet,
                                       const SimulatedCaptureOptions& options, const JobContext& job,
                                       SimulatedCaptureReport* report = nullptr);
@@ -106,8 +106,9 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
 /// Takes a whole capture bundle of kind `fourier` of the sheet: `exposeSheet`, then the sensor's noise
 /// (job.seed) and clipping, half-float EXR files and capture.json. Made in a folder beside `folder` and
 /// renamed at the end: failed or cancelled, nothing is left and an earlier capture stays. An existing folder
-/// is replaced only where it is a capture or empty. Errors: as `exposeSheet`, Refused (the folder holds
-/// something else), WriteFailed.
+/// is replaced only where it is empty or holds a capture that a simulated rig made ("made_by" in
+/// capture.json) and nothing else. Errors: as `exposeSheet`, Refused (the folder holds something else),
+/// WriteFailed.
 Result<SimulatedCaptureReport> simulateCapture(const std::filesystem::path& folder, const SimulatedRig& rig,
                                                const SimulatedSheet& sheet,
                                                const SimulatedCaptureOptions& options, const JobContext& job);

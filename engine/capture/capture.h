@@ -38,6 +38,7 @@ struct FourierCapture {
   std::filesystem::path folder;
   double sampleWidthMm = 0, sampleHeightMm = 0;
   std::string sampleName;
+  std::string madeBy;  ///< the program that took it, "" where the bundle doesn't say; key "made_by"
   std::optional<KnownLambertian> known;
   Camera camera;
   Screen screen;

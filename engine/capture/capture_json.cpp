@@ -20,6 +20,7 @@ constexpr int kVersion = 1;
 // Limits say "surely a mistake", generously: they keep arithmetic finite and allocations possible.
 constexpr double kSmallestMm = 1e-3, kLargestMm = 1e6;  // a micrometre to a kilometre
 constexpr double kFarthestMm = 1e7;
+constexpr double kNearestScreenMm = 1;  // nothing touches the panel
 constexpr double kLongestFocalPx = 1e7;
 constexpr double kLargestDistortion = 1e4;
 constexpr double kLongestExposureS = 86400;
@@ -114,6 +115,34 @@ void readCamera(JsonObject& file, FourierCapture* capture) {
   noteUnread(object, "camera", &capture->ignoredKeys);
 }
 
+/// The screen must light the sample's front: every corner of the sample on the side that the screen emits to,
+/// and some of the screen over the sample's plane. Anything else fits black maps.
+void checkScreenPose(const JsonObject& object, const FourierCapture& capture) {
+  const Screen& screen = capture.screen;
+  const Eigen::Vector3d normal = screen.worldFromScreen.col(2);
+  double lowestMm = kFarthestMm, highestMm = -kFarthestMm;
+  for (const double x : {-0.5, 0.5}) {
+    for (const double y : {-0.5, 0.5}) {
+      const Eigen::Vector3d onSample(x * capture.sampleWidthMm, y * capture.sampleHeightMm, 0);
+      lowestMm = std::min(lowestMm, normal.dot(onSample - screen.originMm));
+      const Eigen::Vector3d onScreen(x * screen.widthMm, y * screen.heightMm, 0);
+      highestMm = std::max(highestMm, (screen.originMm + screen.worldFromScreen * onScreen).z());
+    }
+  }
+  if (!(lowestMm >= kNearestScreenMm)) {
+    object.fail(
+        ErrorCode::Invalid, "R",
+        "with these screen.R and screen.t the screen faces away from the sample, or from a corner of it",
+        "check that screen.R and screen.t are world-from-screen, and that the third column of R points "
+        "from the lit side to the sample");
+  }
+  if (!(highestMm >= kNearestScreenMm)) {
+    object.fail(ErrorCode::Invalid, "t",
+                "with these screen.R and screen.t the whole screen is behind the sample, at z <= 0",
+                "check that screen.R and screen.t are world-from-screen, with the sample at z = 0 facing +z");
+  }
+}
+
 void readScreen(JsonObject& file, FourierCapture* capture) {
   JsonObject object = file.object("screen");
   Screen& screen = capture->screen;
@@ -123,6 +152,7 @@ void readScreen(JsonObject& file, FourierCapture* capture) {
   screen.heightPx = object.integer("height_px", 1, kMaxImageSide);
   screen.worldFromScreen = object.rotation("R");
   screen.originMm = vector3(object, "t", -kFarthestMm, kFarthestMm);
+  checkScreenPose(object, *capture);
 
   JsonObject window = object.object("window");
   requireType(window, "gaussian");
@@ -314,6 +344,8 @@ Result<FourierCapture> parseFourierCapture(std::string_view text, const std::fil
     readScreen(file, &capture);
     capture.radianceScale = file.number("radiance_scale", 1.0 / kLargestScale, kLargestScale, 1.0);
     readPhotos(file, where, &capture);
+    // Informational; anything but a text is a stranger's key, and ignored like one.
+    if (json.contains("made_by") && json["made_by"].is_string()) capture.madeBy = file.text("made_by");
     noteUnread(file, "", &capture.ignoredKeys);
     return capture;
   } catch (const JsonFault& fault) {
@@ -329,6 +361,7 @@ std::string fourierCaptureJson(const FourierCapture& capture) {
   json["format"] = "patina-capture";
   json["version"] = kVersion;
   json["kind"] = "fourier";
+  if (!capture.madeBy.empty()) json["made_by"] = capture.madeBy;
   json["sample"] = {{"width_mm", capture.sampleWidthMm}, {"height_mm", capture.sampleHeightMm}};
   if (!capture.sampleName.empty()) json["sample"]["name"] = capture.sampleName;
   if (capture.known) {

@@ -77,6 +77,24 @@ TEST(ReadFourierCapture, IgnoresUnknownKeysAndSaysSo) {
   EXPECT_THAT(log.notes, testing::Contains(HasSubstr("'camera.serial'")));
 }
 
+TEST(ReadFourierCapture, KnowsWhoMadeIt) {
+  TempFolder folder;
+  FourierCapture written = test::writeSmallBundle(folder / "b");
+  written.madeBy = "some program";
+  ASSERT_TRUE(writeFourierCapture(written).ok());
+  const Result<FourierCapture> read = readFourierCapture(folder / "b");
+  ASSERT_TRUE(read.ok()) << read.error().sentence();
+  EXPECT_EQ(read->madeBy, "some program");
+  EXPECT_TRUE(read->ignoredKeys.empty());
+  json bundle = test::readBundleJson(folder / "b");
+  bundle["made_by"] = {{"name", "a stranger's own use of the key"}};
+  test::writeBundleJson(folder / "b", bundle);
+  const Result<FourierCapture> strange = readFourierCapture(folder / "b");
+  ASSERT_TRUE(strange.ok()) << strange.error().sentence();
+  EXPECT_EQ(strange->madeBy, "");
+  EXPECT_THAT(strange->ignoredKeys, testing::ElementsAre("made_by"));
+}
+
 TEST(ReadFourierCapture, WarnsOfAFileUsedTwice) {
   TempFolder folder;
   test::writeSmallBundle(folder / "b");
@@ -227,6 +245,25 @@ const Broken kBroken[] = {
        b["camera"]["t"] = {0, 0, -450};
      },
      ErrorCode::Invalid, "camera.t", "behind it"},
+    {"ScreenFacesAway",
+     [](json& b) {
+       for (json& row : b["screen"]["R"]) {
+         for (int column : {0, 2}) row[column] = -row[column].get<double>();  // turned about its own y
+       }
+     },
+     ErrorCode::Invalid, "screen.R", "faces away from the sample"},
+    {"ScreenCutsTheSample",
+     [](json& b) {
+       b["screen"]["t"] = {0, 20, 20};
+     },
+     ErrorCode::Invalid, "screen.R", "a corner of it"},
+    {"ScreenBehindTheSample",
+     [](json& b) {
+       const double s = std::sqrt(0.5);
+       b["screen"]["R"] = {{1, 0, 0}, {0, s, -s}, {0, s, s}};  // below the table, facing up at the sample
+       b["screen"]["t"] = {0, 200, -200};
+     },
+     ErrorCode::Invalid, "screen.t", "behind the sample"},
     {"NoScreen", [](json& b) { b.erase("screen"); }, ErrorCode::Malformed, "screen", "missing"},
     {"NoScreenPixels", [](json& b) { b["screen"].erase("width_px"); }, ErrorCode::Malformed,
      "screen.width_px", "missing"},

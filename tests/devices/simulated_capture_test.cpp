@@ -295,6 +295,44 @@ TEST(SimulateCapture, LeavesAStrangersFolderAlone) {
   EXPECT_TRUE(fs::exists(folder / "thesis.txt"));
 }
 
+// A measured bundle has the same file names: only the mark in capture.json tells the two apart.
+TEST(SimulateCapture, ReplacesOnlyWhatASimulatedRigMade) {
+  const Folder folder;
+  const SimulatedSheet sheet = simulatedScene("laminate");
+  const SimulatedRig rig = SimulatedRig::desk(8, 120, 120);
+  const fs::path bundle = folder / "capture";
+  ASSERT_TRUE(simulateCapture(bundle, rig, sheet, quick(), {}).ok());
+  std::ofstream(bundle / "photo_999.exr") << "of the earlier capture";
+  const auto again = simulateCapture(bundle, rig, sheet, quick(), {});
+  ASSERT_TRUE(again.ok()) << again.error().sentence();
+  EXPECT_FALSE(fs::exists(bundle / "photo_999.exr")) << "nothing of the earlier one stays";
+  EXPECT_TRUE(readFourierCapture(bundle).ok());
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1) << "nothing is left beside it";
+
+  FourierCapture measured = readFourierCapture(bundle).value();
+  measured.madeBy.clear();
+  ASSERT_TRUE(writeFourierCapture(measured).ok());
+  const auto refused = simulateCapture(bundle, rig, sheet, quick(), {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::Refused);
+  EXPECT_TRUE(readFourierCapture(bundle).ok()) << "all of its photographs are still there";
+
+  measured.madeBy = "patina simulated rig";
+  ASSERT_TRUE(writeFourierCapture(measured).ok());
+  std::ofstream(bundle / "notes.txt") << "mine";
+  EXPECT_FALSE(simulateCapture(bundle, rig, sheet, quick(), {}).ok());
+  EXPECT_TRUE(fs::exists(bundle / "notes.txt"));
+}
+
+TEST(SimulateCapture, TakesTheFoldersThatItMadeAway) {
+  const Folder folder;
+  const SimulatedSheet sheet = simulatedScene("laminate");
+  SimulatedRig rig = SimulatedRig::desk(8, 120, 120);
+  rig.camera.width = 0;
+  EXPECT_FALSE(simulateCapture(folder / "a" / "b" / "capture", rig, sheet, quick(), {}).ok());
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
 TEST(SimulateCapture, BadValuesAreNamed) {
   const Folder folder;
   SimulatedSheet sheet = simulatedScene("laminate");
