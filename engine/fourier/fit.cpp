@@ -163,6 +163,20 @@ void ownAlbedos(const FourierFitState& state, SolverSetup setup, SolveState& sol
   });
 }
 
+/// Sum of a site's squared measurements in units of their weights: what a residual is relative to.
+double weightedEnergy(const FourierFitState& state, std::size_t site) {
+  const FourierMeasurements& m = state.measurements;
+  const FourierFitState::Weights weights = state.weights(site);
+  const float* z = m.z.data() + site * m.frequencyCount() * 6;
+  double energy = 0;
+  for (int c = 0; c < 3; ++c) {
+    energy += weights.dc[c] * m.dc[site * 3 + c] * m.dc[site * 3 + c];
+    for (int f = 0; f < m.frequencyCount(); ++f)
+      energy += weights.ac[c] * (z[f * 6 + c] * z[f * 6 + c] + z[f * 6 + 3 + c] * z[f * 6 + 3 + c]);
+  }
+  return energy;
+}
+
 void solveAll(FourierFitState& state, const JobContext& job) {
   const std::size_t count = state.measurements.sites.size();
   const SolverSetup setup = makeSetup(state);
@@ -211,25 +225,12 @@ void solveAll(FourierFitState& state, const JobContext& job) {
     p.kurtosis = 1 + std::exp(found.lobe.logKurtosis);
     p.normal = Eigen::Vector3f(found.lobe.slopeX, found.lobe.slopeY, 1).normalized();
     for (int c = 0; c < 3; ++c) p.diffuse[c] = found.diffuse[c], p.specular[c] = found.specular[c];
-    // the measurement's own weighted energy
-    const std::uint32_t site = static_cast<std::uint32_t>(s);
-    const FourierMeasurements& m = state.measurements;
-    double energy = 0;
-    for (int c = 0; c < 3; ++c) {
-      const double w = state.options.weights == MeasurementWeights::Noise ? 1 / m.variance(s, c)
-                                                                          : std::pow(160 / m.fullScale, 2);
-      const double w0 = state.options.weights == MeasurementWeights::Noise ? 1 / m.dcVariance(s, c) : w;
-      energy += w0 * m.dc[s * 3 + c] * m.dc[s * 3 + c];
-      for (int f = 0; f < m.frequencyCount(); ++f) {
-        const float* z = m.z.data() + (static_cast<std::size_t>(site) * m.frequencyCount() + f) * 6;
-        energy += w * (z[c] * z[c] + z[3 + c] * z[3 + c]);
-      }
-    }
+    const double energy = weightedEnergy(state, s);
     state.siteResidual[s] = energy > 0 ? static_cast<float>(std::sqrt(found.dataCost / energy)) : 0.0f;
     const Eigen::Vector2f mirror = mirrorOnScreen(state.frame, state.geometry(s), p.normal);
     const bool off = std::abs(mirror.x()) > state.frame.halfExtent.x() ||
                      std::abs(mirror.y()) > state.frame.halfExtent.y();
-    state.siteStatus[s] = m.clippedFraction[s] > 0                        ? TexelStatus::Clipped
+    state.siteStatus[s] = state.measurements.clippedFraction[s] > 0       ? TexelStatus::Clipped
                           : off                                           ? TexelStatus::MirrorOffScreen
                           : found.outcome == SolveOutcome::IterationLimit ? TexelStatus::IterationLimit
                                                                           : TexelStatus::Converged;
@@ -304,6 +305,20 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
 }
 
 }  // namespace
+
+FourierFitState::Weights FourierFitState::weights(std::size_t site) const {
+  Weights out;
+  for (int c = 0; c < 3; ++c) {
+    if (options.weights == MeasurementWeights::Noise) {
+      out.ac[c] = 1 / measurements.variance(site, c);
+      out.dc[c] = 1 / measurements.dcVariance(site, c);
+    } else {
+      const double w = 160 / measurements.fullScale;  // App. E, for a full scale of 1
+      out.ac[c] = out.dc[c] = w * w;
+    }
+  }
+  return out;
+}
 
 const char* statusName(TexelStatus status) {
   switch (status) {

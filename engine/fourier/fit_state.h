@@ -30,6 +30,11 @@ struct FourierFitState {
     const auto& p = measurements.sites.pointMm[site];
     return siteGeometry(frame, {p.x(), p.y(), 0.0}, capture.camera.positionMm());
   }
+  /// One over the variance of one component of Z, and of Z(0), as the options weigh them.
+  struct Weights {
+    double ac[3], dc[3];
+  };
+  Weights weights(std::size_t site) const;
   DiffuseMethod diffuseMethod() const {
     return options.lobe == LobeMapping::PaperAffine ? DiffuseMethod::PaperMixture : DiffuseMethod::Quadrature;
   }

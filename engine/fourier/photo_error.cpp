@@ -127,6 +127,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
     noise += sumNoise;
     job.progress(holdout ? "holdout" : "predict", ++done, total, "frequencies");
   });
+  if ((failure || job.cancelled()) && holdout) state.heldOutZ.clear();
   if (failure) return *failure;
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "cancelled while predicting photographs", "", ""};
   if (!(signal > 0)) return PhotoError{};

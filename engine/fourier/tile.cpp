@@ -86,14 +86,11 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
     site.diffuse = diffuse_.data() + i * stride;
     site.z = z;
     site.dc = dc;
+    const FourierFitState::Weights weights = state.weights(s);
+    const bool byNoise = state.options.weights == MeasurementWeights::Noise;
     for (int c = 0; c < 3; ++c) {
-      if (state.options.weights == MeasurementWeights::Noise) {
-        site.weight[c] = static_cast<float>(1 / (m.variance(s, c) * varianceShare));
-        site.dcWeight[c] = static_cast<float>(1 / (m.dcVariance(s, c) * varianceShare));
-      } else {
-        const auto w = static_cast<float>(160 / m.fullScale);  // App. E, for a full scale of 1
-        site.weight[c] = site.dcWeight[c] = w * w;
-      }
+      site.weight[c] = static_cast<float>(weights.ac[c] / (byNoise ? varianceShare : 1));
+      site.dcWeight[c] = static_cast<float>(weights.dc[c] / (byNoise ? varianceShare : 1));
     }
     data.push_back(site);
   }
