@@ -45,9 +45,9 @@ TEST(Cli, HelpNamesWhatThereIsWithUnitsAndDefaults) {
   EXPECT_THAT(help.out, HasSubstr("3 bad input"));
   const Finished fit = cli({"fit", "--help"});
   EXPECT_EQ(fit.status, 0);
-  for (const char* text :
-       {"BUNDLE", "--out", "--size", "texels", "default: 0", "--effects", "--lobe", "--weights",
-        "--max-iterations", "default: 80", "--no-pooling", "--progress", "--threads", "--stats", "--texel", "--dump-dir"}) {
+  for (const char* text : {"BUNDLE", "--out", "--size", "texels", "default: 0", "--effects", "--lobe",
+                           "--weights", "--max-iterations", "default: 80", "--no-pooling", "--progress",
+                           "--threads", "--stats", "--texel", "--dump-dir"}) {
     EXPECT_THAT(fit.out, HasSubstr(text));
   }
   EXPECT_EQ(cli({"--version"}).out.rfind("patina-cli ", 0), 0u);
@@ -143,6 +143,19 @@ TEST(CliFit, ProgressIsOneJsonObjectALine) {
   EXPECT_THAT(finished.out, HasSubstr("'operator'"));
 }
 
+TEST(CliFit, AFailureIsAnObjectTooWhereProgramsRead) {
+  TempFolder folder;
+  const Finished finished =
+      cli({"fit", (folder / "none").string(), "--out", (folder / "o").string(), "--progress", "json"});
+  EXPECT_EQ(finished.status, 3);
+  const std::vector<json> lines = jsonLines(finished.err);
+  ASSERT_EQ(lines.size(), 1u) << finished.err;
+  const json& error = lines[0].at("error");
+  EXPECT_THAT(error.at("what").get<std::string>(), HasSubstr("no such bundle"));
+  EXPECT_THAT(error.at("where").get<std::string>(), HasSubstr("none"));
+  EXPECT_NE(error.at("try").get<std::string>(), "");
+}
+
 TEST(CliFit, NotesIgnoredKeys) {
   TempFolder folder;
   test::writeSmallBundle(folder / "b", kFrequencies);
@@ -186,6 +199,11 @@ TEST(CliFit, NeverWritesIntoTheBundle) {
   const auto before = test::everythingIn(folder / "b");
   const Finished finished = cli({"fit", (folder / "b").string(), "--out", (folder / "b" / ".").string()});
   EXPECT_EQ(finished.status, 2) << finished.err;
+  EXPECT_EQ(test::everythingIn(folder / "b"), before);
+  const Finished deeper =
+      cli({"fit", (folder / "b").string(), "--out", (folder / "b" / "new" / "fit").string()});
+  EXPECT_EQ(deeper.status, 2) << deeper.err;
+  EXPECT_THAT(deeper.err, HasSubstr((folder / "b-fit").string())) << "what it suggests would be taken";
   EXPECT_EQ(test::everythingIn(folder / "b"), before);
 }
 
@@ -246,9 +264,18 @@ const BadInput kBadInputs[] = {
        changeJson(b, [](json& j) { j["photos"][8]["file"] = "../secret.exr"; });
      },
      "leads out of the bundle", "photos[8].file"},
+    {"ScreenFacesAway",
+     [](const fs::path& b) {
+       changeJson(b, [](json& j) {
+         for (json& row : j["screen"]["R"]) {
+           for (int column : {0, 2}) row[column] = -row[column].get<double>();  // turned about its y
+         }
+       });
+     },
+     "faces away from the sample", "screen.R"},
     {"NotJson", [](const fs::path& b) { test::writeText(b / "capture.json", "{\n nonsense"); },
      "not valid JSON", "line 2"},
-    {"CantDetermineTheModel", [](const fs::path&) {}, "", "", 1},
+    {"CantDetermineTheModel", [](const fs::path&) {}, "determine the model", "bundle", 1},
 };
 
 class BadInputTest : public testing::TestWithParam<BadInput> {};
@@ -336,7 +363,9 @@ TEST_P(CliSignal, CancelsKeepsAndMarks) {
            "--max-iterations", "1000", "--tolerance", "1e-12", "--progress", "json"},
           options);
   EXPECT_EQ(finished.status, 4) << finished.err;
-  EXPECT_THAT(finished.err, HasSubstr("Cancelled: "));
+  EXPECT_THAT(jsonLines(finished.err).back().at("error").at("what").get<std::string>(),
+              testing::ContainsRegex("[Cc]ancelled|stopped"))
+      << "one object a line to the very end";
   if (GetParam().kept) {
     const Result<SvbrdfMaps> maps = readMaps(folder / "o" / "maps");
     ASSERT_TRUE(maps.ok()) << maps.error().sentence();
