@@ -146,6 +146,45 @@ status=$?
 check "another checkout's build folder: status 1" status_is 1
 check "another checkout's build folder: says what to do" says "PATINA_BUILD_DIR"
 
+# The builds themselves, with cmake, ctest and patina-cli played too.
+root=$(cd "$packaging/.." && pwd -P)
+mkdir -p "$scratch/tools" "$scratch/build/bin"
+printf '#!/bin/sh\necho "cmake $*" >>"$SCRATCH/calls"\n' >"$scratch/tools/cmake"
+printf '#!/bin/sh\necho "ctest $*" >>"$SCRATCH/calls"\n' >"$scratch/tools/ctest"
+cat >"$scratch/build/bin/patina-cli" <<'FAKE'
+#!/bin/sh
+while [ $# -gt 0 ]; do
+  case $1 in
+    --out) mkdir -p "$2/maps"; : >"$2/maps/diffuse.exr" ;;
+    --dump-dir) mkdir -p "$2"; : >"$2/diffuse.png" ;;
+  esac
+  shift
+done
+FAKE
+chmod +x "$scratch"/tools/* "$scratch/build/bin/patina-cli"
+# built CACHE_LINE -- SCRIPT ARGUMENT...: runs a script on a build folder that is configured already
+built() {
+  printf 'CMAKE_HOME_DIRECTORY:INTERNAL=%s\n%s\n' "$root" "$1" >"$scratch/build/CMakeCache.txt"
+  : >"$scratch/build/build.ninja"
+  : >"$scratch/calls"
+  env SCRATCH="$scratch" PATH="$scratch/tools:$PATH" PATINA_BUILD_DIR="$scratch/build" PATINA_OUT="$scratch/out" \
+    "$packaging/$3" "${@:4}" >"$scratch/output" 2>&1 </dev/null
+  status=$?
+}
+
+built "" -- test --no-install --strict
+check "strict: warnings are errors" called "-DPATINA_WARNINGS_AS_ERRORS=ON"
+built "PATINA_WARNINGS_AS_ERRORS:BOOL=ON" -- test --no-install
+check "not strict any more: says so to cmake" called "-DPATINA_WARNINGS_AS_ERRORS=OFF"
+check "not strict any more: runs the tests" called "ctest --test-dir"
+built "PATINA_WARNINGS_AS_ERRORS:BOOL=OFF" -- test --no-install
+check "never strict: does not configure again" not called "-DPATINA_WARNINGS_AS_ERRORS"
+
+built "" -- run --no-install --headless some/bundle
+check "headless with a bundle: status 0" status_is 0
+check "headless with a bundle: names the maps" says "$scratch/out/bundle/maps/diffuse.exr"
+check "headless with a bundle: names a picture" says "$scratch/out/bundle/stages/diffuse.png"
+
 # Nothing on the list may be there twice, and the names must be names.
 names=$(sed -e 's/#.*//' "$packaging/dependencies" | awk 'NF { print $1 }')
 check "the list names packages" test "$(wc -l <<<"$names")" -ge 15
