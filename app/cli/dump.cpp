@@ -1,4 +1,8 @@
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -82,20 +86,37 @@ Result<Image> windowMinusBlack(const FourierCapture& capture) {
   return difference;
 }
 
+constexpr int kMostSpectra =
+    128;  ///< along a side: each costs a prediction, and has a layer for each frequency
+
+/// The spectra of the maps' texels, or of every n-th where the maps are large.
 Status writeSpectra(const fs::path& folder, const FourierFit& fit, const JobContext& job) {
   const SvbrdfMaps& maps = fit.maps();
-  const std::size_t count = fit.spectrumAt(0, 0).size();
-  if (count == 0) return Done{};
-  std::vector<std::string> layers(count);
-  Image measured(maps.width, maps.height, static_cast<int>(count)), model = measured;
-  Image residual(maps.width, maps.height, 3);
-  for (int y = 0; y < maps.height; ++y) {
-    if (job.cancelled()) return Error{ErrorCode::Cancelled, "writing the stage images was cancelled", "", ""};
-    for (int x = 0; x < maps.width; ++x) {
-      const std::vector<SpectrumSample> spectrum = fit.spectrumAt(x, y);
-      for (std::size_t i = 0; i < std::min(count, spectrum.size()); ++i) {
+  const int stride = (std::max(maps.width, maps.height) + kMostSpectra - 1) / kMostSpectra;
+  const int width = (maps.width + stride - 1) / stride, height = (maps.height + stride - 1) / stride;
+  const auto spectrumAt = [&](int x, int y) {
+    return fit.spectrumAt(std::min(x * stride + stride / 2, maps.width - 1),
+                          std::min(y * stride + stride / 2, maps.height - 1));
+  };
+  // The layers, from the first texel that a photograph sees; one that none sees has no spectrum.
+  std::vector<std::string> layers;
+  for (int i = 0; i < width * height && layers.empty() && !job.cancelled(); ++i) {
+    for (const SpectrumSample& sample : spectrumAt(i % width, i / width)) {
+      layers.push_back(layerName(sample.frequency));
+    }
+  }
+  if (layers.empty() && !job.cancelled()) {
+    job.warn("No texel has a spectrum, so none are among the stage images.");
+    return Done{};
+  }
+  Image measured(width, height, static_cast<int>(layers.size())), model = measured;
+  Image residual(width, height, 3);
+  std::atomic<int> rows{0};
+  const auto fillRow = [&](int y) {
+    for (int x = 0; x < width && !job.cancelled(); ++x) {
+      const std::vector<SpectrumSample> spectrum = spectrumAt(x, y);
+      for (std::size_t i = 0; i < std::min(layers.size(), spectrum.size()); ++i) {
         const SpectrumSample& sample = spectrum[i];
-        layers[i] = layerName(sample.frequency);
         measured.at(x, y, static_cast<int>(i)) = std::abs(sample.measured[1]);
         model.at(x, y, static_cast<int>(i)) = std::abs(sample.diffuse[1] + sample.specular[1]);
         if (i > 0) continue;
@@ -105,7 +126,14 @@ Status writeSpectra(const fs::path& folder, const FourierFit& fit, const JobCont
         }
       }
     }
-    job.progress("dump", y + 1, maps.height, "rows");
+    job.progress("dump", ++rows, height, "rows");
+  };
+  tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
+  arena.execute([&] { tbb::parallel_for(0, height, fillRow); });
+  if (job.cancelled()) return Error{ErrorCode::Cancelled, "writing the stage images was cancelled", "", ""};
+  if (stride > 1) {
+    job.info("The spectra among the stage images are of one texel in " + std::to_string(stride) +
+             " along each side.");
   }
   const std::map<std::string, std::string> attributes = {
       {"units", "radiance in units of the screen's full white"}, {"channel", "green"}};

@@ -197,7 +197,8 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->group(kLook)
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  verb->add_option("--dump-dir", arguments->dumpDir, "Also write pictures of the stages into this folder")
+  verb->add_option("--dump-dir", arguments->dumpDir,
+                   "Also write pictures of the stages into this folder; spectra at 128 x 128 texels at most")
       ->option_text("DIR")
       ->group(kLook);
   addCommonOptions(*verb, context);

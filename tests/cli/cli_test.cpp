@@ -183,6 +183,18 @@ TEST(CliFit, DumpsTheStages) {
   EXPECT_TRUE(fs::exists(folder / "d" / "diffuse.png"));
 }
 
+TEST(CliFit, DumpsSomeSpectraOfLargeMaps) {
+  TempFolder folder;
+  test::writeSmallBundle(folder / "b", kFrequencies);
+  const Finished finished = cli({"fit", (folder / "b").string(), "--out", (folder / "o").string(), "--size",
+                                 "130", "--dump-dir", (folder / "d").string()});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const auto residual = readExr(folder / "d" / "residual_dc.exr", {"G"});
+  ASSERT_TRUE(residual.ok());
+  EXPECT_EQ(residual->width(), 65);
+  EXPECT_THAT(finished.err, HasSubstr("one texel in 2"));
+}
+
 TEST(CliFit, TexelOffTheMapsIsWrongUseButKeepsTheFit) {
   TempFolder folder;
   test::writeSmallBundle(folder / "b", kFrequencies);
@@ -360,7 +372,7 @@ TEST_P(CliSignal, CancelsKeepsAndMarks) {
   };
   const Finished finished =
       cli({"fit", (folder / "b").string(), "--out", (folder / "o").string(), "--threads", "1",
-           "--max-iterations", "1000", "--tolerance", "1e-12", "--progress", "json"},
+           "--max-iterations", "1000", "--tolerance", "1e-12", "--progress", "json", "--texel", "4000,0"},
           options);
   EXPECT_EQ(finished.status, 4) << finished.err;
   EXPECT_THAT(jsonLines(finished.err).back().at("error").at("what").get<std::string>(),
