@@ -134,7 +134,7 @@ Result<Image> readPhoto(const FourierCapture& capture, const FourierPhoto& photo
     case PhotoEncoding::Kind::Linear:
       break;
     case PhotoEncoding::Kind::Srgb:
-      decode(&*image, [](float value, std::size_t) { return linearFromSrgb(value); });
+      decode(&*image, [](float value, std::size_t) { return linearFromSrgbPixel(value); });
       break;
     case PhotoEncoding::Kind::Gamma:
       decode(&*image, [&](float value, std::size_t) { return std::pow(double{value}, encoding->gamma); });

@@ -100,7 +100,7 @@ Result<std::array<ResponseCurve, 3>> readResponse(const std::filesystem::path& f
   return parseResponse(*text, file.string());
 }
 
-double linearFromSrgb(double value) {
+double linearFromSrgbPixel(double value) {
   return value <= 0.04045 ? value / 12.92 : std::pow((value + 0.055) / 1.055, 2.4);
 }
 

@@ -36,8 +36,8 @@ Result<std::array<ResponseCurve, 3>> parseResponse(std::string_view text, const 
 /// As `parseResponse`, from a file (16 MiB at most). Errors also: NotFound.
 Result<std::array<ResponseCurve, 3>> readResponse(const std::filesystem::path& file);
 
-/// sRGB's electro-optical curve, pixel value 0..1 to linear 0..1. Source: IEC 61966-2-1.
-double linearFromSrgb(double value);
+/// sRGB's electro-optical curve, pixel value 0..1 to linear 0..1, not clamped. Source: IEC 61966-2-1.
+double linearFromSrgbPixel(double value);
 
 /// The curve's output at a pixel value, clamped to 0..1.
 double linearFromResponse(const ResponseCurve& curve, double value);

@@ -1,9 +1,12 @@
 // Speed and memory of the engine on a simulated capture. Not a test: nothing here passes or fails.
 //
-//   patina-bench                                     everything; the capture is simulated at the first run
-//   and kept patina-bench --benchmark_filter=Fit              only the fits PATINA_BENCH_PIXELS=96
-//   patina-bench              a smaller camera PATINA_BENCH_BUNDLE=<folder> patina-bench        another
-//   capture bundle
+// patina-bench: everything; the capture is simulated at the first run, and kept.
+//
+// patina-bench --benchmark_filter=Fit: only the fits.
+//
+// PATINA_BENCH_PIXELS=96 patina-bench: a smaller camera.
+//
+// PATINA_BENCH_BUNDLE=FOLDER patina-bench: another capture bundle.
 #include <benchmark/benchmark.h>
 
 #include <cstdlib>

@@ -73,10 +73,10 @@ TEST(ReadPhoto, UndoesAMeasuredResponseChannelByChannel) {
 }
 
 TEST(LinearFromSrgb, HasTheStandardsValues) {
-  EXPECT_EQ(linearFromSrgb(0), 0);
-  EXPECT_NEAR(linearFromSrgb(0.04045), 0.0031308, 1e-7);
-  EXPECT_NEAR(linearFromSrgb(0.5), 0.2140411, 1e-7);
-  EXPECT_EQ(linearFromSrgb(1), 1);
+  EXPECT_EQ(linearFromSrgbPixel(0), 0);
+  EXPECT_NEAR(linearFromSrgbPixel(0.04045), 0.0031308, 1e-7);
+  EXPECT_NEAR(linearFromSrgbPixel(0.5), 0.2140411, 1e-7);
+  EXPECT_EQ(linearFromSrgbPixel(1), 1);
 }
 
 TEST(ParseResponse, RefusesWhatIsNoResponse) {
