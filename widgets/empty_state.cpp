@@ -38,6 +38,10 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   open_->setToolTip(tr("Choose a bundle's folder (Ctrl+O)"));
   openFit_ = new QPushButton(tr("Open Fit\u2026"), card_);
   openFit_->setToolTip(tr("Choose the folder of a fit that was saved (Ctrl+Shift+O)"));
+  simulate_ = new QPushButton(tr("Try a Simulated Sample"), card_);
+  simulate_->setObjectName(QStringLiteral("emptySimulate"));
+  simulate_->setToolTip(
+      tr("No camera at hand: photograph a made-up sheet with a simulated one (about 10 s)"));
   recentTitle_ = new QLabel(tr("Recent"), card_);
   recentTitle_->setProperty("role", "caption");
   recent_ = new QVBoxLayout;
@@ -47,6 +51,7 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   buttons->addStretch(1);
   buttons->addWidget(open_);
   buttons->addWidget(openFit_);
+  buttons->addWidget(simulate_);
   buttons->addStretch(1);
   auto* column = new QVBoxLayout(card_);
   column->setSpacing(12);
@@ -64,6 +69,7 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   middle->addStretch(1);
   connect(open_, &QPushButton::clicked, this, &EmptyState::openRequested);
   connect(openFit_, &QPushButton::clicked, this, &EmptyState::openFitRequested);
+  connect(simulate_, &QPushButton::clicked, this, &EmptyState::simulateRequested);
   setRecent({});
 }
 
@@ -98,6 +104,7 @@ void EmptyState::setBusy(const QString& what) {
   title_->setText(what.isEmpty() ? tr("Open a capture bundle") : what);
   open_->setEnabled(what.isEmpty());
   openFit_->setEnabled(what.isEmpty());
+  simulate_->setEnabled(what.isEmpty());
 }
 
 void EmptyState::paintEvent(QPaintEvent*) {

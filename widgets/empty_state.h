@@ -23,6 +23,7 @@ class EmptyState : public QWidget {
  Q_SIGNALS:
   void openRequested();
   void openFitRequested();
+  void simulateRequested();
   void recentRequested(QString folder);
 
  protected:
@@ -32,6 +33,7 @@ class EmptyState : public QWidget {
   QLabel *title_, *text_, *recentTitle_;
   QPushButton* open_;
   QPushButton* openFit_;
+  QPushButton* simulate_;
   QVBoxLayout* recent_;
   QWidget* card_;
   bool held_ = false;

@@ -11,6 +11,7 @@
 #include <QPushButton>
 #include <QSplitter>
 #include <QStackedWidget>
+#include <QStandardPaths>
 #include <QStatusBar>
 #include <QTimer>
 #include <QUrl>
@@ -159,7 +160,6 @@ void MainWindow::buildStatusBar() {
   leftLabel_->setProperty("role", "caption");
   cancelButton_ = new QPushButton(tr("Cancel"), progressPane_);
   cancelButton_->setObjectName(QStringLiteral("cancelButton"));
-  cancelButton_->setToolTip(tr("Stop the fit; what is finished is kept and marked (Esc)"));
   cancelButton_->setStyleSheet(QStringLiteral("QPushButton { padding: 2px 12px; }"));
   auto* row = new QHBoxLayout(progressPane_);
   row->setContentsMargins(8, 2, 8, 2);
@@ -177,6 +177,9 @@ void MainWindow::buildStatusBar() {
 void MainWindow::connectAll() {
   connect(empty_, &EmptyState::openRequested, this, &MainWindow::chooseBundle);
   connect(empty_, &EmptyState::openFitRequested, this, &MainWindow::chooseFit);
+  connect(empty_, &EmptyState::simulateRequested, this, [this] {
+    if (!services_.scenes.empty()) simulate(services_.scenes.front().first);
+  });
   connect(empty_, &EmptyState::recentRequested, this, &MainWindow::openPath);
   connect(strip_, &PhotoStrip::photoSelected, maps_, &MapPanel::showPhoto);
   connect(strip_, &PhotoStrip::photoActivated, maps_, &MapPanel::showPhoto);
@@ -204,8 +207,16 @@ void MainWindow::connectAll() {
     refreshHealth();
   });
   connect(&openJob_, &JobRunner::started, this, &MainWindow::refreshActions);
+  connect(&openJob_, &JobRunner::progressed, this,
+          [this](const QString& stage, qint64 done, qint64 total, const QString&) {
+            if (!simulating_ || openJob_.cancelling() || total <= 0) return;
+            // Exposing takes nearly all of the time.
+            progress_->setValue(static_cast<int>(
+                stage == QStringLiteral("expose") ? 950 * done / total : 950 + 50 * done / total));
+          });
   connect(&openJob_, &JobRunner::finished, this, [this] {
     empty_->setBusy({});
+    if (simulating_) simulationDone();
     refreshActions();
   });
   connect(&saveJob_, &JobRunner::started, this, &MainWindow::refreshActions);
@@ -228,6 +239,7 @@ void MainWindow::followTexel(std::optional<QPoint> texel) {
 void MainWindow::openPath(const QString& path) {
   if (path.isEmpty() || !mayLoseFit(tr("open %1").arg(QFileInfo(path).fileName()), tr("Open"))) return;
   if (fitJob_.running()) fitJob_.abandon();
+  if (simulating_) simulationDone();  // its outcome is dropped
   const QString name = QFileInfo(path).fileName() == QStringLiteral("capture.json") ||
                                QFileInfo(path).fileName() == QStringLiteral("fit.json")
                            ? QFileInfo(folderOf(path)).fileName()
@@ -269,6 +281,36 @@ void MainWindow::openPath(const QString& path) {
       });
 }
 
+void MainWindow::simulate(const std::string& scene) {
+  if (openJob_.running() || !mayLoseFit(tr("make a simulated capture"), tr("Go On"))) return;
+  if (fitJob_.running()) fitJob_.abandon();
+  const QString name = QString::fromStdString(scene);
+  const QString folder = QStandardPaths::writableLocation(QStandardPaths::AppDataLocation) +
+                         QStringLiteral("/simulated/") + name;
+  banner_->hide();
+  empty_->setBusy(tr("Photographing %1\u2026").arg(name));
+  showPane(tr("Photographing %1").arg(name), tr("Stop the simulated capture (Esc)"));
+  simulating_ = true;
+  openJob_.start<FourierCapture>(
+      [make = services_.simulate, scene, folder](const JobContext& job) {
+        return make(scene, pathOf(folder), job);
+      },
+      [this, folder, name](Result<FourierCapture> outcome) {
+        if (!outcome) {
+          if (outcome.error().code == ErrorCode::Cancelled)
+            return statusBar()->showMessage(tr("The simulated capture was cancelled."), 8000);
+          return banner_->showError(tr("Photographing %1").arg(name), outcome.error());
+        }
+        opened(std::make_shared<const FourierCapture>(std::move(*outcome)), folder);
+        maps_->setKind(ViewKind::Photo);
+      });
+}
+
+void MainWindow::simulationDone() {
+  simulating_ = false;
+  if (!fitJob_.running()) progressPane_->hide();
+}
+
 void MainWindow::forget(const QString& path) {
   settings_.removeRecent(folderOf(path));
   refreshRecent();
@@ -308,14 +350,8 @@ void MainWindow::startFit() {
   if (!capture || fitJob_.running()) return;
   banner_->hide();
   estimate_.emplace(settings_.stageSeconds());
-  progress_->setValue(0);
   shownStage_.clear();
-
-  stageLabel_->setText(tr("Starting"));
-  leftLabel_->clear();
-  cancelButton_->setEnabled(true);
-  cancelButton_->setText(tr("Cancel"));
-  progressPane_->show();
+  showPane(tr("Starting"), tr("Stop the fit; what is finished is kept and marked (Esc)"));
   fitJob_.start<std::shared_ptr<const FourierFit>>(
       [fit = services_.fit, capture, options = document_.fitOptions()](const JobContext& job) {
         return fit(*capture, options, job);
@@ -325,9 +361,22 @@ void MainWindow::startFit() {
   refreshHealth();
 }
 
+void MainWindow::showPane(const QString& stage, const QString& cancelTip) {
+  progress_->setValue(0);
+  stageLabel_->setText(stage);
+  leftLabel_->clear();
+  cancelButton_->setEnabled(true);
+  cancelButton_->setText(tr("Cancel"));
+  cancelButton_->setToolTip(cancelTip);
+  progressPane_->show();
+}
+
 void MainWindow::cancelFit() {
-  if (!fitJob_.running()) return;
-  fitJob_.cancel();
+  if (!fitJob_.running() && !simulating_) return;
+  if (simulating_)
+    openJob_.cancel();
+  else
+    fitJob_.cancel();
   cancelButton_->setEnabled(false);
   cancelButton_->setText(tr("Cancelling\u2026"));
   leftLabel_->clear();

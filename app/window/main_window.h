@@ -44,7 +44,11 @@ class MainWindow : public QMainWindow {
   /// Opens a bundle or a saved fit: a folder, capture.json or fit.json. Returns at once; what is open is
   /// replaced when the new one is read.
   void openPath(const QString& path);
+  /// Photographs a scene with the simulated rig and opens the bundle; returns at once. Kept in the user's
+  /// data folder, replaced by the next capture of the same scene.
+  void simulate(const std::string& scene);
   void startFit();
+  /// Stops the fit, or the simulated capture, that is running.
   void cancelFit();
   /// What to do with a fit that is running or not saved, before it is lost.
   enum class Answer { Save, GoOn, Stay };
@@ -89,6 +93,8 @@ class MainWindow : public QMainWindow {
   void forget(const QString& path);  ///< takes it off the recent list
   void opened(std::shared_ptr<const FourierCapture> capture, const QString& path);
   void fitDone(Result<std::shared_ptr<const FourierFit>> outcome);
+  void showPane(const QString& stage, const QString& cancelTip);
+  void simulationDone();
   void showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit);
   void restoreState();
   void keepState();
@@ -133,6 +139,7 @@ class MainWindow : public QMainWindow {
   QElapsedTimer shownProgress_;
   QString openPath_, fitSavedTo_;
   bool fitIsSaved_ = true;
+  bool simulating_ = false;  ///< what openJob_ is doing
 
   JobRunner openJob_, fitJob_,
       saveJob_;  ///< last: destroyed first, so that no job outlives what it reports to

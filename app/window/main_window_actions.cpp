@@ -64,6 +64,12 @@ void MainWindow::buildActions() {
   addAction(file, "open-fit", tr("Open &Fit\u2026"), QKeySequence(Qt::CTRL | Qt::SHIFT | Qt::Key_O),
             tr("Open a fit that was saved"), [this] { chooseFit(); });
   recentMenu_ = file->addMenu(tr("Open &Recent"));
+  QMenu* simulated = file->addMenu(tr("Simulated &Capture"));
+  simulated->setToolTipsVisible(true);
+  for (const auto& [scene, summary] : services_.scenes)
+    addAction(simulated, QStringLiteral("simulate-") + QString::fromStdString(scene),
+              QString::fromStdString(scene), {}, QString::fromStdString(summary),
+              [this, scene = scene] { simulate(scene); });
   file->addSeparator();
   addAction(
       file, "save", tr("&Save Fit As\u2026"), QKeySequence::Save, tr("Write maps and fit.json into a folder"),
@@ -195,8 +201,12 @@ void MainWindow::refreshActions() {
         running ? tr("Not now: a fit is running.")
         : open  ? tr("Not now: a bundle is being opened.")
                 : noBundle);
-  allow("cancel", running && !fitJob_.cancelling(),
-        running ? tr("Already stopping.") : tr("Not now: no fit is running."));
+  const bool stoppable = simulating_ ? !openJob_.cancelling() : running && !fitJob_.cancelling();
+  allow("cancel", stoppable,
+        running || simulating_ ? tr("Already stopping.") : tr("Not now: no fit is running."));
+  for (const auto& scene : services_.scenes)
+    allow(QStringLiteral("simulate-") + QString::fromStdString(scene.first), !openJob_.running(),
+          tr("Not now: a bundle is being opened."));
   allow("options", !running, tr("Not now: a fit is running with the present options."));
   allow("save", fitted && !saveJob_.running(),
         fitted ? tr("Not now: the fit is being saved.") : tr("Not now: there is no fit to save."));

@@ -1,5 +1,7 @@
 #include "app/window/services.h"
 
+#include "devices/simulated/simulated_rig.h"
+
 namespace patina {
 
 Services Services::engine() {
@@ -19,6 +21,17 @@ Services Services::engine() {
   services.loadFit = [](const std::filesystem::path& folder, const JobContext& job) {
     return loadFourierFit(folder, job);
   };
+  services.simulate = [](const std::string& scene, const std::filesystem::path& folder,
+                         const JobContext& job) -> Result<FourierCapture> {
+    constexpr int kPixels = 96;  // a capture in about ten seconds, a fit in a few
+    const SimulatedSheet sheet = simulatedScene(scene);
+    const auto report =
+        simulateCapture(folder, SimulatedRig::desk(kPixels, sheet.widthMm, sheet.heightMm), sheet, {}, job);
+    if (!report) return report.error();
+    return readFourierCapture(folder, job);
+  };
+  for (const std::string& scene : simulatedSceneNames())
+    services.scenes.emplace_back(scene, simulatedSceneSummary(scene));
   return services;
 }
 

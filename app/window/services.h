@@ -3,6 +3,9 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "engine/capture/capture.h"
 #include "engine/fourier/fit.h"
@@ -19,6 +22,12 @@ struct Services {
   std::function<Status(const std::filesystem::path&, const FourierFit&)> writeFit;
   std::function<Result<std::shared_ptr<const FourierFit>>(const std::filesystem::path&, const JobContext&)>
       loadFit;
+  /// Photographs one of the simulated rig's scenes into a folder and opens the bundle.
+  std::function<Result<FourierCapture>(const std::string& scene, const std::filesystem::path& folder,
+                                       const JobContext&)>
+      simulate;
+  /// Name and description of each scene.
+  std::vector<std::pair<std::string, std::string>> scenes;
 
   /// The real ones.
   static Services engine();

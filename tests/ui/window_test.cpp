@@ -9,6 +9,7 @@
 #include <QTabBar>
 #include <QUrl>
 #include <fstream>
+#include <thread>
 
 #include "tests/ui/fake_fit.h"
 #include "tests/ui/ui_fixture.h"
@@ -276,6 +277,41 @@ TEST_F(WindowTest, TheSheetIsDrawnWhereTheViewSaysItIs) {
   const auto& maps = window->document()->fit()->maps();
   EXPECT_GT(brightness(0.2 * maps.widthMm, -0.2 * maps.heightMm), 60);
   EXPECT_LT(brightness(0.56 * maps.widthMm, 0.2 * maps.heightMm), 60) << "light beside the sheet";
+}
+
+TEST_F(WindowTest, ASimulatedSampleIsPhotographedAndOpened) {
+  Services services = Services::engine();
+  std::filesystem::path asked;
+  services.simulate = [&asked](const std::string&, const std::filesystem::path& folder,
+                               const JobContext& job) {
+    asked = folder;
+    job.progress("expose", 1, 2, "rows");
+    return readFourierCapture(smallBundle(), job);
+  };
+  auto window = makeWindow(services);
+  QTest::mouseClick(window->findChild<QPushButton*>(QStringLiteral("emptySimulate")), Qt::LeftButton);
+  EXPECT_TRUE(window->opening());
+  ASSERT_TRUE(until([&] { return !window->opening(); }));
+  EXPECT_TRUE(window->document()->capture());
+  EXPECT_EQ(asked.filename(), "laminate");  // the first scene, in a folder of its own
+  EXPECT_FALSE(window->findChild<QWidget*>(QStringLiteral("progressPane"))->isVisible());
+  ASSERT_TRUE(window->action(QStringLiteral("simulate-mirror-mix")));
+}
+
+TEST_F(WindowTest, ASimulatedCaptureCanBeCancelled) {
+  Services services = Services::engine();
+  services.simulate = [](const std::string&, const std::filesystem::path&,
+                         const JobContext& job) -> Result<FourierCapture> {
+    while (!job.cancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    return Error{ErrorCode::Cancelled, "cancelled", "", ""};
+  };
+  auto window = makeWindow(services);
+  window->simulate("cardstock");
+  EXPECT_TRUE(window->action(QStringLiteral("cancel"))->isEnabled());
+  window->action(QStringLiteral("cancel"))->trigger();
+  ASSERT_TRUE(until([&] { return !window->opening(); }, 2000));
+  EXPECT_FALSE(window->document()->capture());
+  EXPECT_FALSE(window->banner()->isVisible());
 }
 
 TEST_F(WindowTest, KeepsItsStateBetweenStarts) {
