@@ -225,6 +225,7 @@ void apply(QApplication& application) {
           "QPushButton:disabled { color: %6; }"
           "QPushButton[primary=true] { background: %5; border-color: %5; color: white; font-weight: 600; }"
           "QPushButton[primary=true]:hover { background: #2f74b0; }"
+          "QPushButton[primary=true]:disabled { background: #3a3f45; border-color: #3a3f45; color: #80858c; }"
           "QStatusBar { background: %3; border-top: 1px solid #1c1c1c; }"
           "QStatusBar::item { border: none; }"
           "QSplitter::handle { background: #1c1c1c; }"
