@@ -4,7 +4,7 @@
 set -uo pipefail
 count() { ctest --test-dir "$1" -N "${@:2}" | sed -n 's/^Total Tests: //p'; }
 
-if ctest --test-dir "$1" -N | grep _NOT_BUILT; then
+if ctest --test-dir "$1" -N | grep _NOT_BUILT >/dev/null; then
   echo "Some tests are not built."
   exit 77
 fi
