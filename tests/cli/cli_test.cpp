@@ -385,6 +385,7 @@ TEST_P(CliSignal, CancelsKeepsAndMarks) {
     EXPECT_GT(std::count(status.begin(), status.end(), static_cast<float>(TexelStatus::Cancelled)), 0);
     EXPECT_THAT(json::parse(test::readText(folder / "o" / "fit.json")).dump(),
                 HasSubstr("\"cancelled\":true"));
+    EXPECT_THAT(finished.out, HasSubstr("Relative error: not computed")) << "an error of 0 % would be a lie";
   } else {
     EXPECT_EQ(test::everythingIn(folder.path()), before) << "nothing was finished, so nothing is kept";
   }
