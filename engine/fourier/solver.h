@@ -62,8 +62,8 @@ struct SiteSolution {
 /// steps capped at |d log sigma| 0.7 and |d slope| max(0.04, 1.5 sigma). Sites go through in SIMD lanes of
 /// floats; the instruction set is chosen at run time. `data`, `start` and `out` have equal length, any.
 /// Deterministic for one instruction set. Thread-safe, allocates a workspace for each thread. Source:
-/// frequency-domain paper, section 7 and App. E. Cost: about 25,000 multiply-adds a site and iteration for 32
-/// frequencies.
+/// frequency-domain paper, section 7 and App. E. Cost: an estimated 25,000 multiply-adds a site and iteration
+/// for 32 frequencies.
 void solveSites(const SolverSetup& setup, std::span<const SiteData> data,
                 std::span<const LobeParameters> start, std::span<SiteSolution> out);
 
