@@ -16,8 +16,8 @@ enum class DiffuseMethod {
 /// Transform of the Lambertian term at any sample point: for each frequency a complex vector v with Z_diffuse
 /// = albedo * (n . v), n in the screen's frame. Source: frequency-domain paper, equations 7, 8 and 12. The
 /// term is linear in n with coefficients that depend on geometry only, and they vary slowly over the sample:
-/// they are tabulated on 9 x 9 Chebyshev nodes and interpolated (relative error below 1e-6 for a screen
-/// farther away than half its width).
+/// they are tabulated on 9 x 9 Chebyshev nodes and interpolated (error below 2e-6 of DC in the tests, for a
+/// screen farther away than half its width).
 class DiffuseTransform {
  public:
   /// `frequencies` in pattern units; `sampleSizeMm` the rectangle that points lie in (z = 0).
