@@ -26,7 +26,7 @@ const std::map<std::string, std::set<std::string>> kMayEnter = {
 // Rooms of engine/, in the order in which a photograph walks through them. A room includes itself and rooms
 // of a lower number.
 const std::map<std::string, int> kEngineOrder = {
-    {"base", 0},    {"image", 1},     {"geometry", 2}, {"screen", 3},      {"surface", 4},
+    {"base", 0},    {"image", 1},     {"geometry", 2}, {"screen", 3},      {"brdf", 3},        {"surface", 4},
     {"lens", 5},    {"sensor", 6},    {"capture", 7},  {"calibration", 8}, {"fourier", 8},
     {"twoshot", 8}, {"diagnosis", 9}, {"render", 9},   {"export", 10},
 };

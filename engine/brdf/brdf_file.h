@@ -1,0 +1,23 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/base/job.h"
+#include "engine/base/result.h"
+#include "engine/brdf/brdf.h"
+
+namespace patina {
+
+/// Reads a measured BRDF, the format told by the content: MERL `.binary`, RGL `.bsdf` (isotropic and
+/// anisotropic, RGB), ALTA's text tables. Errors: NotFound; Unsupported (none of these, or a spectral RGL
+/// file); Malformed with what is wrong and where (truncated, sizes that lie, NaN).
+Result<BrdfPtr> readBrdf(const std::filesystem::path& file);
+
+/// The files in `folder` (not below it) that `readBrdf` may be able to read, by their ending (.binary, .bsdf,
+/// .dat, .alta), sorted by name. Errors: NotFound.
+Result<std::vector<std::filesystem::path>> listBrdfFiles(const std::filesystem::path& folder);
+
+}  // namespace patina

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <vector>
+
+#include "engine/base/job.h"
+#include "engine/base/result.h"
+#include "engine/brdf/brdf.h"
+#include "engine/brdf/merl_grid.h"
+
+namespace patina {
+
+/// A BRDF on the MERL grid. Values in 1/sr; a negative one marks a cell that was not measured or that no pair
+/// of directions above the surface reaches.
+class TabulatedBrdf : public Brdf {
+ public:
+  /// Planes R, G, B of MerlGrid::kCells values each.
+  using Planes = std::array<std::vector<double>, 3>;
+
+  /// Takes the planes as they are. Throws std::invalid_argument where they have another size.
+  TabulatedBrdf(Planes planes, BrdfOrigin origin);
+
+  /// Trilinear in grid coordinates over the valid cells around, weights made to sum to one; reciprocal (phiD
+  /// has period pi). NaN where no cell around is valid.
+  Eigen::Array3d evaluate(const Eigen::Vector3d& toLight, const Eigen::Vector3d& toView) const override;
+  Eigen::Array3d evaluate(const HalfDiffAngles& angles) const;
+
+  bool valid(std::size_t cell) const {
+    return planes_[0][cell] >= 0 && planes_[1][cell] >= 0 && planes_[2][cell] >= 0;
+  }
+  std::size_t validCells() const;
+  const Planes& planes() const { return planes_; }
+
+ private:
+  Planes planes_;
+};
+
+/// Any BRDF sampled at the centres of the MERL grid. Anisotropic ones are averaged over `azimuths` positions
+/// of the half-vector and the origin's note says so. Cells that no pair above the surface reaches, and cells
+/// where the BRDF is not known, are -1. Threads: all. Errors: Cancelled.
+Result<std::shared_ptr<const TabulatedBrdf>> tabulate(const Brdf& brdf, const JobContext& job = {},
+                                                      int azimuths = 16);
+
+/// Reads a MERL `.binary`: three 32-bit sizes (90, 90, 180), then planes R, G, B of doubles, to be multiplied
+/// by 1/1500, 1.15/1500 and 1.66/1500. Negative cells stay negative. Errors: NotFound; Malformed (other
+/// sizes, truncated or longer, NaN or infinite: the cell is named).
+Result<std::shared_ptr<const TabulatedBrdf>> readMerl(const std::filesystem::path& file);
+/// The same from bytes; `where` names them in errors.
+Result<std::shared_ptr<const TabulatedBrdf>> readMerlBytes(std::string_view bytes, const std::string& where);
+/// Writes a MERL `.binary`, atomically. What `readMerl` read is written back value for value (to the last bit
+/// or the rounding of one multiplication). Errors: WriteFailed.
+Status writeMerl(const std::filesystem::path& file, const TabulatedBrdf& brdf);
+
+}  // namespace patina
