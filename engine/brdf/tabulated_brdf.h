@@ -1,7 +1,11 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/base/job.h"
@@ -33,12 +37,20 @@ class TabulatedBrdf : public Brdf {
   const Planes& planes() const { return planes_; }
 
  private:
+  friend Result<std::shared_ptr<const TabulatedBrdf>> readMerlBytes(std::string_view, const std::string&);
+  friend Status writeMerl(const std::filesystem::path&, const TabulatedBrdf&);
+
   Planes planes_;
+  /// What a file held is planes_ / scale moved by so many representable numbers: scaling rounds, and a file
+  /// that is read and written again should be the same file. Empty where there was no file.
+  std::array<std::vector<std::int8_t>, 3> fileSteps_;
 };
 
 /// Any BRDF sampled at the centres of the MERL grid. Anisotropic ones are averaged over `azimuths` positions
-/// of the half-vector and the origin's note says so. Cells that no pair above the surface reaches, and cells
-/// where the BRDF is not known, are -1. Threads: all. Errors: Cancelled.
+/// of the half-vector and the origin's note says so. A BRDF that is not reciprocal stays so: phiD and
+/// pi - phiD hold its two answers. Cells that no pair above the surface reaches, and cells where the BRDF is
+/// not known, are -1. Threads: `job.threads`. Cost: 1,458,000 evaluations. Progress: "tabulate". Errors:
+/// Cancelled.
 Result<std::shared_ptr<const TabulatedBrdf>> tabulate(const Brdf& brdf, const JobContext& job = {},
                                                       int azimuths = 16);
 
@@ -48,8 +60,8 @@ Result<std::shared_ptr<const TabulatedBrdf>> tabulate(const Brdf& brdf, const Jo
 Result<std::shared_ptr<const TabulatedBrdf>> readMerl(const std::filesystem::path& file);
 /// The same from bytes; `where` names them in errors.
 Result<std::shared_ptr<const TabulatedBrdf>> readMerlBytes(std::string_view bytes, const std::string& where);
-/// Writes a MERL `.binary`, atomically. What `readMerl` read is written back value for value (to the last bit
-/// or the rounding of one multiplication). Errors: WriteFailed.
+/// Writes a MERL `.binary`, atomically. What `readMerl` read is written back byte for byte (numbers below
+/// 1e-300, which scaling flattens, excepted). Errors: WriteFailed.
 Status writeMerl(const std::filesystem::path& file, const TabulatedBrdf& brdf);
 
 }  // namespace patina
