@@ -25,7 +25,8 @@ inline constexpr double kTrustedAngleDeg = 81;
 /// What a basis was made from.
 struct BasisMaterial {
   std::string name, format, note;
-  std::uint64_t checksum = 0;  ///< XXH3 of the source file's bytes; of the weights for a network
+  std::uint64_t checksum =
+      0;  ///< XXH3 of the source file's bytes; where there is none, of the column's values
   std::uint64_t bytes = 0;
 };
 

@@ -28,6 +28,8 @@ RowFactor stack(const std::vector<const RowFactor*>& factors);
 
 /// What a set of directions is expected to do. Errors are RMS over the region's cells, natural-log units.
 struct ExpectedError {
+  double prior = 0;      ///< RMS spread of the basis' columns: what is left where nothing was measured
+  double posterior = 0;  ///< RMS of the posterior's standard deviation, before any calibration
   double training =
       0;             ///< equation 15 with beta = 0: mean over the basis' own columns, each divided by sqrt(p)
   double noise = 0;  ///< its second term for beta = 1: |Q (SQ)+ S O| / sqrt(p)
@@ -39,7 +41,7 @@ struct ExpectedError {
 
 /// Equation 15 in coefficient space. Exactly the paper's direct form: with G = F^T F and R = eta (G + eta
 /// I)^-1, the error of column i is |L R c_i|. Here by the dual form, R = I - F^T (F F^T + eta I)^-1 F, whose
-/// cost is about k m (r + k) + r^2 m operations. `meanOnly` skips `noise`, `unseen*`.
+/// cost is about k m (r + k) + r^2 m operations.
 class ErrorMetric {
  public:
   ErrorMetric(BasisPtr basis, BasisRegion region, double eta = kPaperEta);

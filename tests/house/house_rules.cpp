@@ -42,6 +42,8 @@ enum class Library {
   Tbb,
   Json,
   Png,
+  Blas,
+  Hash,
   OpenCv,
   OpenCvWindow,
   Qt,
@@ -66,6 +68,8 @@ const std::vector<std::pair<Library, std::regex>>& librarySignatures() {
         {Library::Tbb, pattern("^(tbb|oneapi)/.*")},
         {Library::Json, pattern("^nlohmann/.*")},
         {Library::Png, pattern("^png\\.h$")},
+        {Library::Blas, pattern("^cblas\\.h$")},
+        {Library::Hash, pattern("^xxhash\\.h$")},
         {Library::OpenCvWindow,
          pattern("^opencv2?/(highgui|imgcodecs|videoio|viz|opencv)(\\.hpp|/.*|_c\\.h)$")},
         {Library::OpenCv, pattern("^opencv2?/.*")},
@@ -96,12 +100,12 @@ Library libraryOf(const std::string& header) {
 const std::map<std::string, std::set<Library>>& mayKnow() {
   using enum Library;
   static const std::map<std::string, std::set<Library>> table = {
-      {"engine", {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, OpenCv}},
+      {"engine", {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv}},
       {"devices", {Standard, System, Eigen, Tbb, Json, Camera, QtWithModule}},
       {"widgets", {Standard, System, Eigen, Qt, QtWithModule, Vtk}},
       {"app", {Standard, System, Eigen, Tbb, Json, Qt, QtWithModule, Vtk, CommandLine}},
       {"tests",
-       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, OpenCv, Qt, QtWithModule, Vtk,
+       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv, Qt, QtWithModule, Vtk,
         Camera, CommandLine, Testing}},
   };
   return table;

@@ -1,0 +1,97 @@
+#include "engine/base/dense.h"
+
+#include <cblas.h>
+
+#include <stdexcept>
+
+namespace patina {
+namespace {
+
+// OpenBLAS' own threads would fight with TBB's; one a call, whoever calls first.
+void useOneThread() {
+  static const bool done = [] {
+    openblas_set_num_threads(1);
+    return true;
+  }();
+  static_cast<void>(done);
+}
+
+void require(bool fits, const char* what) {
+  if (!fits) throw std::invalid_argument(what);
+}
+
+}  // namespace
+
+void multiply(const Eigen::MatrixXd& a, bool transposeA, const Eigen::MatrixXd& b, bool transposeB,
+              Eigen::MatrixXd& out, double alpha, double beta) {
+  useOneThread();
+  const auto m = transposeA ? a.cols() : a.rows(), inner = transposeA ? a.rows() : a.cols();
+  const auto n = transposeB ? b.rows() : b.cols();
+  require(inner == (transposeB ? b.cols() : b.rows()), "multiply: inner sizes differ");
+  if (beta == 0) out.resize(m, n);
+  require(out.rows() == m && out.cols() == n, "multiply: the sum has another size");
+  if (m == 0 || n == 0) return;
+  if (inner == 0) {
+    if (beta == 0) out.setZero();
+    return;
+  }
+  cblas_dgemm(CblasColMajor, transposeA ? CblasTrans : CblasNoTrans, transposeB ? CblasTrans : CblasNoTrans,
+              static_cast<int>(m), static_cast<int>(n), static_cast<int>(inner), alpha, a.data(),
+              static_cast<int>(a.rows()), b.data(), static_cast<int>(b.rows()), beta, out.data(),
+              static_cast<int>(m));
+}
+
+Eigen::MatrixXd product(const Eigen::MatrixXd& a, bool transposeA, const Eigen::MatrixXd& b,
+                        bool transposeB) {
+  Eigen::MatrixXd out;
+  multiply(a, transposeA, b, transposeB, out);
+  return out;
+}
+
+namespace {
+
+Eigen::MatrixXd gram(const Eigen::MatrixXd& a, bool ofRows) {
+  useOneThread();
+  const auto n = ofRows ? a.rows() : a.cols(), inner = ofRows ? a.cols() : a.rows();
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+  if (n == 0 || inner == 0) return out;
+  cblas_dsyrk(CblasColMajor, CblasLower, ofRows ? CblasNoTrans : CblasTrans, static_cast<int>(n),
+              static_cast<int>(inner), 1.0, a.data(), static_cast<int>(a.rows()), 0.0, out.data(),
+              static_cast<int>(n));
+  out.triangularView<Eigen::StrictlyUpper>() = out.transpose();
+  return out;
+}
+
+}  // namespace
+
+Eigen::MatrixXd gramOfRows(const Eigen::MatrixXd& a) {
+  return gram(a, true);
+}
+Eigen::MatrixXd gramOfColumns(const Eigen::MatrixXd& a) {
+  return gram(a, false);
+}
+
+void addGramOfColumns(const Eigen::MatrixXd& a, Eigen::MatrixXd& sum) {
+  useOneThread();
+  require(sum.rows() == a.cols() && sum.cols() == a.cols(), "addGramOfColumns: the sum has another size");
+  if (a.rows() == 0 || a.cols() == 0) return;
+  cblas_dsyrk(CblasColMajor, CblasLower, CblasTrans, static_cast<int>(a.cols()), static_cast<int>(a.rows()),
+              1.0, a.data(), static_cast<int>(a.rows()), 1.0, sum.data(), static_cast<int>(sum.rows()));
+}
+
+void multiply(const RowMajorMatrixXf& a, const RowMajorMatrixXf& b, RowMajorMatrixXf& out) {
+  useOneThread();
+  require(a.cols() == b.rows(), "multiply: inner sizes differ");
+  out.resize(a.rows(), b.cols());
+  if (out.size() == 0) return;
+  if (a.cols() == 0) {
+    out.setZero();
+    return;
+  }
+  cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, static_cast<int>(a.rows()),
+              static_cast<int>(b.cols()), static_cast<int>(a.cols()), 1.0f, a.data(),
+              static_cast<int>(a.cols()), b.data(), static_cast<int>(b.cols()), 0.0f, out.data(),
+              static_cast<int>(b.cols()));
+}
+
+}  // namespace patina
