@@ -152,7 +152,7 @@ void EvaluateNetwork(std::span<const float> weights, std::span<const HalfDiffAng
   }
 }
 
-const char* TargetName() {
+const char* NeuralTargetName() {
   return hwy::TargetName(HWY_TARGET);
 }
 
@@ -163,7 +163,7 @@ HWY_AFTER_NAMESPACE();
 namespace patina {
 
 HWY_EXPORT(EvaluateNetwork);
-HWY_EXPORT(TargetName);
+HWY_EXPORT(NeuralTargetName);
 
 void evaluateNetwork(std::span<const float> weights, std::span<const HalfDiffAngles> angles,
                      std::span<Eigen::Array3f> out) {
@@ -171,7 +171,7 @@ void evaluateNetwork(std::span<const float> weights, std::span<const HalfDiffAng
 }
 
 const char* networkTarget() {
-  return HWY_DYNAMIC_DISPATCH(TargetName)();
+  return HWY_DYNAMIC_DISPATCH(NeuralTargetName)();
 }
 
 }  // namespace patina
