@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "devices/simulated/screen_integrator.h"
+#include "devices/simulated/simulated_sensor.h"
 #include "devices/simulated/simulated_sheet.h"
 #include "engine/base/job.h"
 #include "engine/base/result.h"
@@ -16,13 +17,6 @@
 #include "engine/screen/screen.h"
 
 namespace patina {
-
-/// What the simulated sensor adds: variance = fullScale * shot * radiance + (read * fullScale)^2.
-struct SensorNoise {
-  double shot = 2e-5;
-  double read = 2e-4;
-  bool operator==(const SensorNoise&) const = default;
-};
 
 /// A camera and a screen over a desk, with what the capture format says of them. All of it is declared in the
 /// bundle: nothing that the simulated rig does is hidden from a fit.
