@@ -15,6 +15,9 @@ namespace patina {
 /// anisotropic, RGB), ALTA's text tables. Errors: NotFound; Unsupported (none of these, or a spectral RGL
 /// file); Malformed with what is wrong and where (truncated, sizes that lie, NaN).
 Result<BrdfPtr> readBrdf(const std::filesystem::path& file);
+/// The same from bytes; `where` names them in errors, and its file name is the material's where the bytes
+/// have none.
+Result<BrdfPtr> readBrdfBytes(std::string_view bytes, const std::string& where);
 
 /// The files in `folder` (not below it) that `readBrdf` may be able to read, by their ending (.binary, .bsdf,
 /// .dat, .alta), sorted by name. Errors: NotFound.
