@@ -6,8 +6,7 @@
 #include <tuple>
 
 #include "engine/base/text.h"
-#include "engine/capture/bundle_path.h"
-#include "engine/capture/encoding.h"
+#include "engine/capture/capture_parts.h"
 #include "engine/capture/json_reader.h"
 #include "engine/image/image_size.h"
 
@@ -15,57 +14,17 @@ namespace patina {
 namespace {
 
 using Json = nlohmann::json;
+using namespace capture_parts;
 
-constexpr int kVersion = 1;
-// Limits say "surely a mistake", generously: they keep arithmetic finite and allocations possible.
-constexpr double kSmallestMm = 1e-3, kLargestMm = 1e6;  // a micrometre to a kilometre
-constexpr double kFarthestMm = 1e7;
-constexpr double kNearestScreenMm = 1;  // nothing touches the panel
-constexpr double kLongestFocalPx = 1e7;
-constexpr double kLargestDistortion = 1e4;
-constexpr double kLongestExposureS = 86400;
+constexpr double kNearestScreenMm = 1;                        // nothing touches the panel
 constexpr double kSmallestSigma = 1e-3, kLargestSigma = 1e3;  // pattern units; the screen is 2 pi wide
-constexpr double kLargestScale = 1e9;
 constexpr int kHighestFrequency = 10000;  // cycles across the screen: finer than any screen's pixels
-constexpr std::size_t kMostPhotos = 100000;
-constexpr double kSkewTolerance = 1e-9;  // pixels
-constexpr std::size_t kLongestName = 1000;
-
-/// Adds the keys that nobody read, once each for all photos.
-void noteUnread(const JsonObject& object, const std::string& prefix, std::vector<std::string>* ignored) {
-  for (const std::string& key : object.unread()) {
-    std::string name = prefix.empty() ? key : prefix + "." + key;
-    if (std::find(ignored->begin(), ignored->end(), name) == ignored->end())
-      ignored->push_back(std::move(name));
-  }
-}
-
-void requireType(JsonObject& object, const std::string& wanted) {
-  const std::string type = object.text("type");
-  if (type != wanted) {
-    object.fail(ErrorCode::Unsupported, "type", inQuotes(type) + " is not a type that this version knows",
-                "use " + inQuotes(wanted));
-  }
-}
-
-Eigen::Vector2d vector2(JsonObject& object, const std::string& name, double low, double high) {
-  const std::vector<double> values = object.numbers(name, 2, low, high);
-  return {values[0], values[1]};
-}
-
-Eigen::Vector3d vector3(JsonObject& object, const std::string& name, double low, double high) {
-  const std::vector<double> values = object.numbers(name, 3, low, high);
-  return {values[0], values[1], values[2]};
-}
 
 void readSample(JsonObject& file, FourierCapture* capture) {
   JsonObject sample = file.object("sample");
   capture->sampleWidthMm = sample.number("width_mm", kSmallestMm, kLargestMm);
   capture->sampleHeightMm = sample.number("height_mm", kSmallestMm, kLargestMm);
-  capture->sampleName = sample.text("name", "");
-  if (capture->sampleName.size() > kLongestName) {
-    sample.fail(ErrorCode::Invalid, "name", "the sample's name is longer than 1000 bytes", "shorten it");
-  }
+  capture->sampleName = readSampleName(sample);
   if (sample.has("known")) {
     JsonObject known = sample.object("known");
     requireType(known, "lambertian");
@@ -73,46 +32,6 @@ void readSample(JsonObject& file, FourierCapture* capture) {
     noteUnread(known, "sample.known", &capture->ignoredKeys);
   }
   noteUnread(sample, "sample", &capture->ignoredKeys);
-}
-
-void readCamera(JsonObject& file, FourierCapture* capture) {
-  JsonObject object = file.object("camera");
-  Camera& camera = capture->camera;
-  camera.width = object.integer("width", 1, kMaxImageSide);
-  camera.height = object.integer("height", 1, kMaxImageSide);
-  if (std::int64_t{camera.width} * camera.height > kMaxImagePixels) {
-    object.fail(ErrorCode::Invalid, "width",
-                "photographs of more than 2^28 pixels are too large for this program",
-                "scale the photographs down, and K with them");
-  }
-  camera.intrinsics = object.matrix3("K", -kLongestFocalPx, kLongestFocalPx);
-  const Eigen::Matrix3d& k = camera.intrinsics;
-  if (!(k(0, 0) > 0 && k(1, 1) > 0)) {
-    object.fail(ErrorCode::Invalid, "K", "the focal lengths K[0][0] and K[1][1] must be positive");
-  }
-  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1) {
-    object.fail(ErrorCode::Invalid, "K", "K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
-  }
-  if (std::abs(k(0, 1)) > kSkewTolerance) {
-    object.fail(ErrorCode::Unsupported, "K[0][1]", "pixels with skew are not supported",
-                "calibrate the camera with K[0][1] = 0, as OpenCV does");
-  }
-  camera.intrinsics(0, 1) = 0;
-  const std::vector<double> distortion =
-      object.numbers("distortion", 5, -kLargestDistortion, kLargestDistortion);
-  camera.distortion = Eigen::Map<const Eigen::Matrix<double, 5, 1>>(distortion.data());
-  camera.cameraFromWorld = object.rotation("R");
-  camera.translationMm = vector3(object, "t", -kFarthestMm, kFarthestMm);
-  if (!(camera.positionMm().z() > 0)) {
-    object.fail(ErrorCode::Invalid, "t",
-                "this camera is not in front of the sample: its centre -R^T t has z <= 0",
-                "check that R and t are camera-from-world, with the sample at z = 0 facing +z");
-  }
-  if (!(camera.translationMm.z() > 0)) {
-    object.fail(ErrorCode::Invalid, "t", "this camera has the sample's centre behind it",
-                "check that R and t are camera-from-world, with the camera looking along its +z");
-  }
-  noteUnread(object, "camera", &capture->ignoredKeys);
 }
 
 /// The screen must light the sample's front: every corner of the sample on the side that the screen emits to,
@@ -183,18 +102,9 @@ PhotoRole readRole(JsonObject& object) {
               nearest.empty() ? "use pattern, window, black or geometry" : "use " + inQuotes(nearest));
 }
 
-bool endsLikePng(const std::string& file) {
-  std::string extension = std::filesystem::path(file).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension == ".png";
-}
-
 FourierPhoto readOnePhoto(JsonObject& object, const std::string& where) {
   FourierPhoto photo;
-  photo.file = object.text("file");
-  Status allowed = checkBundlePath(photo.file, where + ": " + object.keyOf("file"));
-  if (!allowed) throw JsonFault{allowed.error()};
+  photo.file = readFileName(object, where);
   photo.role = readRole(object);
   photo.exposureS = object.number("exposure_s", 0.0, kLongestExposureS);
   if (photo.role == PhotoRole::Pattern) {
@@ -210,20 +120,8 @@ FourierPhoto readOnePhoto(JsonObject& object, const std::string& where) {
     photo.frequency = {static_cast<int>(frequency[0]), static_cast<int>(frequency[1])};
     photo.phase = object.integer("phase", 0, 3);
   }
-  const std::string split = object.text("split", "");
-  photo.holdout = split == "holdout";
-  if (!photo.holdout && !split.empty() && split != "fit") {
-    object.fail(ErrorCode::Malformed, "split", inQuotes(split) + " is not a split that this version knows",
-                "use 'holdout' for a photograph that a fit must not read, or leave it out");
-  }
-  photo.encoding = object.text("encoding", "");
-  Result<PhotoEncoding> encoding = parseEncoding(photo.encoding, where + ": " + object.keyOf("encoding"));
-  if (!encoding) throw JsonFault{encoding.error()};
-  if (photo.encoding == "linear") photo.encoding.clear();
-  if (encoding->kind == PhotoEncoding::Kind::Linear && endsLikePng(photo.file)) {
-    object.fail(ErrorCode::Malformed, "encoding", "a PNG photograph needs its encoding, and none is given",
-                "add 'encoding': 'srgb', 'gamma:2.2' or 'response:FILE.json'");
-  }
+  photo.holdout = readHoldout(object);
+  photo.encoding = readEncoding(object, where, photo.file);
   return photo;
 }
 
@@ -272,33 +170,23 @@ void readPhotos(JsonObject& file, const std::string& where, FourierCapture* capt
   }
 }
 
-/// format, kind, version: what decides whether the rest can be understood at all.
-void readHead(JsonObject& file) {
-  const std::string format = file.text("format");
-  if (format != "patina-capture") {
-    file.fail(ErrorCode::Malformed, "format",
-              "this is not a capture bundle: its format is " + inQuotes(format),
-              "open a folder whose capture.json has the format 'patina-capture'");
+/// format, version, kind: what decides whether the rest can be understood at all.
+void requireFourier(JsonObject& file) {
+  const std::string kind = readHead(file);
+  if (kind == "two-shot") {
+    file.fail(ErrorCode::Unsupported, "kind", "this is a 'two-shot' capture, and not of kind 'fourier'",
+              "open it as a two-shot capture: the window and patina-cli fit tell the kinds apart by "
+              "themselves");
   }
-  const int version = file.integer("version", 0, 1 << 30);
-  if (version != kVersion) {
-    file.fail(ErrorCode::Unsupported, "version",
-              "this bundle is of format version " + std::to_string(version) +
-                  ", and this program reads version " + std::to_string(kVersion),
-              version > kVersion ? "update Patina, or save the bundle as version 1"
-                                 : "save the bundle as version 1");
-  }
-  const std::string kind = file.text("kind");
-  if (kind == "two-shot" || kind == "flash") {
+  if (kind == "flash") {
     file.fail(ErrorCode::Unsupported, "kind",
-              "this is a " + inQuotes(kind) +
-                  " capture, and fitting those is not built into this version of Patina yet",
-              "open a bundle of kind 'fourier'");
+              "this is a 'flash' capture, and fitting those is not built into this version of Patina yet",
+              "open a bundle of kind 'fourier' or 'two-shot'");
   }
   if (kind != "fourier") {
     file.fail(ErrorCode::Unsupported, "kind",
               inQuotes(kind) + " is not a kind of capture that this program knows",
-              "open a bundle of kind 'fourier'");
+              "open a bundle of kind 'fourier' or 'two-shot'");
   }
 }
 
@@ -316,19 +204,6 @@ std::string roleName(PhotoRole role) {
   return {};
 }
 
-Json jsonOf(const Eigen::Matrix3d& m) {
-  Json rows = Json::array();
-  for (int row = 0; row < 3; ++row) rows.push_back({m(row, 0), m(row, 1), m(row, 2)});
-  return rows;
-}
-
-Json jsonOf(const Eigen::Vector2d& v) {
-  return {v.x(), v.y()};
-}
-Json jsonOf(const Eigen::Vector3d& v) {
-  return {v.x(), v.y(), v.z()};
-}
-
 }  // namespace
 
 Result<FourierCapture> parseFourierCapture(std::string_view text, const std::filesystem::path& folder,
@@ -336,11 +211,13 @@ Result<FourierCapture> parseFourierCapture(std::string_view text, const std::fil
   try {
     const Json json = parseJson(text, where);
     JsonObject file(json, where, "");
-    readHead(file);
+    requireFourier(file);
     FourierCapture capture;
     capture.folder = folder;
     readSample(file, &capture);
-    readCamera(file, &capture);
+    JsonObject camera = file.object("camera");
+    capture.camera = readCamera(camera);
+    noteUnread(camera, "camera", &capture.ignoredKeys);
     readScreen(file, &capture);
     capture.radianceScale = file.number("radiance_scale", 1.0 / kLargestScale, kLargestScale, 1.0);
     readPhotos(file, where, &capture);
@@ -368,13 +245,7 @@ std::string fourierCaptureJson(const FourierCapture& capture) {
     json["sample"]["known"] = {{"type", "lambertian"}, {"albedo", jsonOf(capture.known->albedo)}};
   }
   if (capture.radianceScale != 1.0) json["radiance_scale"] = capture.radianceScale;
-  const Camera& camera = capture.camera;
-  json["camera"] = {{"width", camera.width},
-                    {"height", camera.height},
-                    {"K", jsonOf(camera.intrinsics)},
-                    {"distortion", std::vector<double>(camera.distortion.begin(), camera.distortion.end())},
-                    {"R", jsonOf(camera.cameraFromWorld)},
-                    {"t", jsonOf(camera.translationMm)}};
+  json["camera"] = jsonOf(capture.camera);
   const Screen& screen = capture.screen;
   json["screen"] = {{"width_mm", screen.widthMm},
                     {"height_mm", screen.heightMm},

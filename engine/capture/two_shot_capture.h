@@ -59,7 +59,12 @@ Result<TwoShotCapture> parseTwoShotCapture(std::string_view text, const std::fil
                                            const std::string& where);
 /// Writes capture.json into `capture.folder`, atomically.
 Status writeTwoShotCapture(const TwoShotCapture& capture);
-/// Reads one photograph, decoded to linear, R G B, not divided by its exposure.
+/// The text of capture.json for a description, indented, newline at the end. Numbers keep all their digits.
+std::string twoShotCaptureJson(const TwoShotCapture& capture);
+/// Whether two photographs were taken under the same light: directions within 0.1 degrees.
+bool sameLight(const TwoShotPhoto& a, const TwoShotPhoto& b);
+/// Reads one photograph, decoded to linear, R G B, not divided by its exposure. Errors: missing, wrong size,
+/// truncated, non-finite (pixel named).
 Result<Image> readPhoto(const TwoShotCapture& capture, const TwoShotPhoto& photo);
 
 }  // namespace patina

@@ -156,7 +156,7 @@ const Broken kBroken[] = {
     {"HalfVersion", [](json& b) { b["version"] = 1.5; }, ErrorCode::Malformed, "version", "whole number"},
     {"TextVersion", [](json& b) { b["version"] = "1"; }, ErrorCode::Malformed, "version",
      "a number is needed"},
-    {"TwoShot", [](json& b) { b["kind"] = "two-shot"; }, ErrorCode::Unsupported, "kind", "yet"},
+    {"TwoShot", [](json& b) { b["kind"] = "two-shot"; }, ErrorCode::Unsupported, "kind", "two-shot capture"},
     {"Flash", [](json& b) { b["kind"] = "flash"; }, ErrorCode::Unsupported, "kind", "yet"},
     {"StrangeKind", [](json& b) { b["kind"] = "x-ray"; }, ErrorCode::Unsupported, "kind", "'x-ray'"},
     {"NoSample", [](json& b) { b.erase("sample"); }, ErrorCode::Malformed, "sample", "missing"},

@@ -268,7 +268,7 @@ const BadInput kBadInputs[] = {
      "a number is needed", "photos[7].phase"},
     {"OtherVersion", [](const fs::path& b) { changeJson(b, [](json& j) { j["version"] = 3; }); }, "version 3",
      "version"},
-    {"KindNotBuilt", [](const fs::path& b) { changeJson(b, [](json& j) { j["kind"] = "two-shot"; }); }, "yet",
+    {"KindNotBuilt", [](const fs::path& b) { changeJson(b, [](json& j) { j["kind"] = "flash"; }); }, "yet",
      "kind"},
     {"LeavesItsFolder",
      [](const fs::path& b) {
