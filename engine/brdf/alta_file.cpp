@@ -160,8 +160,10 @@ class AltaLightsBrdf final : public Brdf {
 
     std::size_t high = 0;
     while (high < lights_.size() && lights_[high].thetaLRad < thetaL) ++high;
-    if (high == 0) return lights_.front().evaluate(turned);
-    if (high == lights_.size()) return lights_.back().evaluate(turned);
+    if (high == 0 || high == lights_.size()) {  // within the slack beyond the outermost light
+      const LightTable& outermost = high == 0 ? lights_.front() : lights_.back();
+      return outermost.evaluate(carried(turned, thetaL, outermost.thetaLRad));
+    }
     const LightTable &below = lights_[high - 1], &above = lights_[high];
     const double share = (thetaL - below.thetaLRad) / (above.thetaLRad - below.thetaLRad);
     if (share <= 0) return below.evaluate(turned);
@@ -177,7 +179,7 @@ class AltaLightsBrdf final : public Brdf {
     // 1 with slope 0 at the two peaks: there the view turns with the light and the peak keeps its shape.
     const double share = side < from ? std::sin(kPi / 2 * side / from)
                                      : std::cos(kPi / 2 * (side - from) / std::max(kPi / 2 - from, 1e-9));
-    const double turn = std::copysign(share * (to - from), inPlane);
+    const double turn = (inPlane < 0 ? -share : share) * (to - from);
     return Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitY()) * view;
   }
 
