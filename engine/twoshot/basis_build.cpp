@@ -1,7 +1,6 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <tbb/blocked_range.h>
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <unistd.h>
 
@@ -234,21 +233,21 @@ class Builder {
   Status map() {
     const Index m = columns();
     const std::size_t slabs = (reachable_.size() + kSlab - 1) / kSlab;
+    // Fixed stripes of slabs, summed in order: the same basis whatever the number of threads.
     struct Sums {
       MatrixXd all, trusted;
     };
-    tbb::enumerable_thread_specific<Sums> sums([m] {
-      return Sums{MatrixXd::Zero(m, m), MatrixXd::Zero(m, m)};
-    });
+    constexpr std::size_t kStripes = 16;
+    std::vector<Sums> sums(kStripes, Sums{MatrixXd::Zero(m, m), MatrixXd::Zero(m, m)});
     mean_.assign(reachable_.size(), 0);
     lnReference_.assign(reachable_.size(), 0);
     usable_.assign(reachable_.size(), 0);
     std::atomic<bool> broken{false};
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, slabs, 1), [&](const auto& range) {
+    tbb::parallel_for(std::size_t{0}, kStripes, [&](std::size_t stripe) {
       RowMajorMatrixXf raw;
       MatrixXd all, trusted;
       std::vector<float> sorted(m);
-      for (std::size_t s = range.begin(); s < range.end() && !job_.cancelled() && !broken; ++s) {
+      for (std::size_t s = stripe; s < slabs && !job_.cancelled() && !broken; s += kStripes) {
         const std::size_t first = s * kSlab, count = std::min(kSlab, reachable_.size() - first);
         if (!readSlab(first, count, raw)) {
           broken = true;
@@ -276,7 +275,7 @@ class Builder {
           all.row(usable++) = mapped;
           if (usable_[first + i] == 2) trusted.row(safe++) = mapped;
         }
-        Sums& mine = sums.local();
+        Sums& mine = sums[stripe];
         // Both halves of phiD.
         addGramOfColumns(MatrixXd(all.topRows(usable)), mine.all);
         addGramOfColumns(MatrixXd(trusted.topRows(safe)), mine.trusted);

@@ -255,9 +255,12 @@ std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, 
     throw std::invalid_argument("Basis::posteriorSd: B is r x k, W is r x r");
   }
   // q^T B^T W B q = |root(W) B q|^2.
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(w);
-  const MatrixXd reduced =
-      eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose() * b;
+  MatrixXd reduced(0, k);
+  if (w.rows() > 0) {
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(w);
+    reduced = eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
+              product(eigen.eigenvectors(), true, b, false);
+  }
   const RowMajorMatrixXf turned =
       (scales().asDiagonal() * reduced.transpose().cast<float>()).eval();  // k x r
   const Eigen::ArrayXf squares = scales().array().square();

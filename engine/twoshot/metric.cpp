@@ -17,48 +17,33 @@ using Eigen::VectorXd;
 RowFactor reduceRows(const MatrixXd& rows, double rowScale, double tolerance) {
   const Index n = rows.rows(), k = rows.cols();
   RowFactor reduced;
-  if (n == 0) {
-    reduced.factor.resize(0, k);
-    return reduced;
-  }
-  // Columns are rows of the input, so that a row is contiguous.
-  MatrixXd rest = rows.transpose() * rowScale;
-  VectorXd left = rest.colwise().squaredNorm();
-  const double stop = tolerance * tolerance * left.maxCoeff();
+  reduced.factor.resize(0, k);
+  if (n == 0) return reduced;
+  // Cholesky with pivots of the rows' products, K = Q~ Q~^T, until what is left of K (its trace: the squares
+  // of what no chosen row explains) no longer counts beside eta.
+  const MatrixXd products = gramOfRows(rows) * (rowScale * rowScale);
+  VectorXd left = products.diagonal();
+  const double enough = std::max(tolerance * kPaperEta, 1e-13 * left.sum());
   const Index most = std::min(n, k);
-  MatrixXd basis(k, most), coefficients(n, most);
+  MatrixXd lower(n, most);
   Index rank = 0;
-  for (; rank < most; ++rank) {
+  while (rank < most && left.cwiseMax(0).sum() > enough) {
     Index pivot = 0;
-    if (!(left.maxCoeff(&pivot) > stop)) break;
-    auto direction = basis.col(rank);
-    direction = rest.col(pivot);
-    // Once more against the directions so far: what remains of a row is small where rows are alike, and the
-    // first pass leaves rounding of the row's own size in it.
-    const auto before = basis.leftCols(rank);
-    direction -= before * (before.transpose() * direction);
-    const double norm = direction.norm();
-    if (!(norm * norm > stop)) {
-      left(pivot) = 0;
-      --rank;
-      if (left.maxCoeff() <= stop) {
-        ++rank;
-        break;
-      }
-      continue;
-    }
-    direction /= norm;
-    coefficients.col(rank).noalias() = rest.transpose() * direction;
-    rest.noalias() -= direction * coefficients.col(rank).transpose();
-    left = rest.colwise().squaredNorm();
+    const double largest = left.maxCoeff(&pivot);
+    if (!(largest > 0)) break;
+    auto column = lower.col(rank);
+    column = products.col(pivot);
+    column.noalias() -= lower.leftCols(rank) * lower.row(pivot).head(rank).transpose();
+    column /= std::sqrt(largest);
+    left.array() -= column.array().square();
     left(pivot) = 0;
+    ++rank;
   }
-  // Q~ is about coefficients * basis^T; with T = coefficients^T coefficients = U^T U (Cholesky), F = U
-  // basis^T.
-  const MatrixXd small = gramOfColumns(MatrixXd(coefficients.leftCols(rank)));
-  const Eigen::LLT<MatrixXd> cholesky(small);
-  const MatrixXd upper = cholesky.matrixU();
-  reduced.factor = product(upper, false, basis.leftCols(rank), true);
+  // Q~ projected onto L's columns: F = U^-T L^T Q~ with L^T L = U^T U, so that F^T F = Q~^T P Q~.
+  const MatrixXd kept = lower.leftCols(rank);
+  const Eigen::LLT<MatrixXd> square(gramOfColumns(kept));
+  reduced.factor = product(kept, true, rows, false) * rowScale;
+  square.matrixL().solveInPlace(reduced.factor);
   return reduced;
 }
 
@@ -191,12 +176,13 @@ double conditionNumber(const MatrixXd& rows) {
   return smallest > rounding ? largest / smallest : std::numeric_limits<double>::infinity();
 }
 
-RowFactor rowsOfShot(const Basis& basis, const ShotDirections& shot, const NearFieldDisc& disc) {
+RowFactor rowsOfShot(const Basis& basis, const ShotDirections& shot, const NearFieldDisc& disc,
+                     double tolerance) {
   const std::vector<HalfDiffAngles> directions = discDirections(shot, disc);
   const BasisRows rows = basis.rows(directions);
   const bool point = disc.fovDeg <= 0;
   // By the disc's own count, not by the rows that are left: a half-hidden disc tells less.
-  return reduceRows(rows.components, point ? 1.0 : std::sqrt(kEtaRows / disc.points));
+  return reduceRows(rows.components, point ? 1.0 : std::sqrt(kEtaRows / disc.points), tolerance);
 }
 
 }  // namespace patina
