@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -23,7 +24,9 @@ struct TwoShotFitOptions {
   int rowsPerShot =
       4000;  ///< measurements a picture after averaging neighbouring pixels. More: slower, finer highlights
   bool noiseWeights = true;  ///< weigh rows by the sensor's noise; off: every row alike, as the paper
-  int clusters = 1;          ///< materials on the sample; 0: chosen from the pictures
+  int clusters = 1;          ///< materials on the sample, up to 8; 0: chosen from the pictures
+  std::string basisFile;     ///< where the basis was opened from, kept so that a written fit can be loaded
+                             ///< again; empty: the built-in one
   std::vector<std::string> validate() const;
   bool operator==(const TwoShotFitOptions&) const = default;
 };
@@ -83,10 +86,16 @@ struct TwoShotFit {
 Result<std::shared_ptr<const TwoShotFit>> fitTwoShot(const TwoShotCapture& capture, const BasisPtr& basis,
                                                      const TwoShotFitOptions& options, const JobContext& job);
 
-/// brdf.binary (one a material: brdf.binary, brdf_2.binary, ...), coefficients.json, fit.json, sphere.png,
-/// labels.exr, comparison pictures; staged, so that a failure leaves an earlier result as it was.
-Status writeTwoShotFit(const std::filesystem::path& folder, const TwoShotFit& fit);
-/// Brings a written fit back: from brdf.binary, coefficients.json, fit.json and the bundle that it names.
+/// Writes a fit: brdf.binary (one a material: brdf.binary, brdf_2.binary, ...), posterior_sd.exr (likewise),
+/// coefficients.json, fit.json, labels.exr and labels.png where there are several materials,
+/// rendered/NAME.exr for each photograph. All appears at once, and a failure leaves an earlier result as it
+/// was. `writeMore` is called with the folder under construction and may add files (pictures, which this room
+/// can't make). Errors: WriteFailed, Refused, those of `writeMore`.
+Status writeTwoShotFit(const std::filesystem::path& folder, const TwoShotFit& fit,
+                       const std::function<Status(const std::filesystem::path&)>& writeMore = {});
+/// Brings a written fit back: from brdf.binary, posterior_sd.exr, coefficients.json, fit.json, the basis and
+/// the bundle that it names; photographs are predicted again. Errors: NotFound, Malformed; Invalid where the
+/// basis is another one now; those of reading the bundle; Cancelled.
 Result<std::shared_ptr<const TwoShotFit>> loadTwoShotFit(const std::filesystem::path& folder,
                                                          const JobContext& job);
 
