@@ -130,7 +130,8 @@ struct SpherePictureOptions {
   float background = 0.04f;            ///< display's linear value round the sphere
 };
 
-/// One sphere, tone-mapped and ready for `writePng`: exposed by `exposureForWhite`. Errors: Invalid (no such
+/// One sphere, tone-mapped and ready for `writePng`: exposed by `exposureForWhite`, dark
+/// materials up to three times brighter. Errors: Invalid (no such
 /// environment; the nearest is named); Cancelled.
 Result<Image> spherePicture(const TabulatedBrdf& brdf, const SpherePictureOptions& options = {},
                             const JobContext& job = {});

@@ -23,6 +23,13 @@ Image shownOver(const MeasuredSphere& sphere, float exposure, float background) 
   return shown;
 }
 
+/// A material looks as light or dark as it is, but for dark ones, which would sink: up to three times
+/// brighter, as long as nine tenths of the sphere stay below half of the display's light.
+float exposureOf(const MeasuredSphere& sphere, const MeasuredSphereLighting& lighting) {
+  const float white = exposureForWhite(lighting);
+  return std::clamp(autoExposure(sphere.radiance, 0.9f, 0.5f), white, 3 * white);
+}
+
 MeasuredSphereOptions optionsOf(const SpherePictureOptions& options) {
   MeasuredSphereOptions own;
   own.size = options.size;
@@ -101,7 +108,7 @@ Result<Image> spherePicture(const TabulatedBrdf& brdf, const SpherePictureOption
   }
   auto sphere = measuredSphere(SphereMaterial(brdf), lighting, optionsOf(options), job);
   if (!sphere) return sphere.error();
-  return shownOver(*sphere, exposureForWhite(lighting), options.background);
+  return shownOver(*sphere, exposureOf(*sphere, lighting), options.background);
 }
 
 Result<Image> sphereSheet(const TabulatedBrdf& brdf, const std::vector<float>* posteriorSd, double priorSd,
@@ -114,17 +121,17 @@ Result<Image> sphereSheet(const TabulatedBrdf& brdf, const std::vector<float>* p
     lighting.environment = builtInEnvironment(id);
     auto sphere = measuredSphere(material, lighting, optionsOf(options), job);
     if (!sphere) return sphere.error();
-    pictures.push_back(shownOver(*sphere, exposureForWhite(lighting), options.background));
+    pictures.push_back(shownOver(*sphere, exposureOf(*sphere, lighting), options.background));
     labels.push_back(lighting.environment->name());
   }
   MeasuredSphereLighting alone;
   alone.lightIrradiance.setConstant(std::numbers::pi_v<float>);
   auto sphere = measuredSphere(material, alone, optionsOf(options), job);
   if (!sphere) return sphere.error();
-  pictures.push_back(shownOver(*sphere, exposureForWhite(alone), options.background));
+  pictures.push_back(shownOver(*sphere, exposureOf(*sphere, alone), options.background));
   labels.push_back("Small light");
   if (posteriorSd) {
-    const Image shown = toneMap(sphere->radiance, exposureForWhite(alone), Highlights::Shoulder);
+    const Image shown = toneMap(sphere->radiance, exposureOf(*sphere, alone), Highlights::Shoulder);
     Image colours = certaintyPicture(shown, sphere->certainty, priorSd);
     const float behind = srgbFromLinear(options.background);
     for (int y = 0; y < colours.height(); ++y)
