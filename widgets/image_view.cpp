@@ -9,8 +9,7 @@ namespace patina {
 
 namespace {
 constexpr double kLargestZoom = 256, kSmallestZoom = 1.0 / 64;
-constexpr double kNearestFromZoom = 2;  ///< device pixels a picture pixel
-constexpr double kGridFromZoom = 24;    ///< from here single pixels are outlined
+constexpr double kGridFromZoom = 24;  ///< from here single pixels are outlined
 constexpr int kMargin = 14;
 }  // namespace
 
@@ -26,7 +25,7 @@ void ImageView::setPicture(std::shared_ptr<const Image> image, ToneStyle style) 
       image && image_ && image->width() == image_->width() && image->height() == image_->height();
   image_ = std::move(image);
   style_ = style;
-  smaller_.clear();
+  renderer_.setPicture(image_);
   stale_ = true;
   if (!sameSize) zoomToFit();
   if (!image_ && hover_) {
@@ -117,25 +116,6 @@ void ImageView::zoomBy(double factor, const QPointF& anchor) {
   setView(zoom, anchor - place * zoom);
 }
 
-const Image& ImageView::level(int index) {
-  const Image* from = image_.get();
-  for (int i = 0; i < index; ++i) {
-    if (from->width() < 2 || from->height() < 2) break;
-    if (i >= static_cast<int>(smaller_.size())) {
-      Image half(from->width() / 2, from->height() / 2, from->channels());
-      for (int y = 0; y < half.height(); ++y)
-        for (int x = 0; x < half.width(); ++x)
-          for (int c = 0; c < half.channels(); ++c)
-            half.at(x, y, c) = 0.25f * (from->at(2 * x, 2 * y, c) + from->at(2 * x + 1, 2 * y, c) +
-                                        from->at(2 * x, 2 * y + 1, c) + from->at(2 * x + 1, 2 * y + 1, c));
-      smaller_.reserve(16);  // references into it stay good
-      smaller_.push_back(std::move(half));
-    }
-    from = &smaller_[i];
-  }
-  return *from;
-}
-
 void ImageView::render() {
   stale_ = false;
   const double ratio = devicePixelRatioF();
@@ -147,63 +127,15 @@ void ImageView::render() {
   if (!image_ || image_->empty()) return;
 
   const double scale = zoom_ * ratio;  // device pixels a picture pixel
-  const bool averaged = style_ != ToneStyle::Status;
-  const int wanted = averaged && scale < 1 ? static_cast<int>(std::floor(std::log2(1 / scale))) : 0;
-  const Image& from = level(std::min(wanted, 12));
-  const double toLevelX = static_cast<double>(from.width()) / image_->width() / scale;
-  const double toLevelY = static_cast<double>(from.height()) / image_->height() / scale;
-  const bool nearest = !averaged || scale >= kNearestFromZoom;
-  const ToneMapper tone(style_, tone_);
   const QPointF origin = offset_ * ratio;
+  renderer_.draw(rendered_, rendered_.rect(), origin, scale, style_, tone_);
+  if (!mask_ || maskedStates_ == 0) return;
   const int left = std::max(0, static_cast<int>(std::ceil(origin.x() - 0.5)));
   const int right =
       std::min(size.width(), static_cast<int>(std::ceil(origin.x() + image_->width() * scale - 0.5)));
   const int top = std::max(0, static_cast<int>(std::ceil(origin.y() - 0.5)));
   const int bottom =
       std::min(size.height(), static_cast<int>(std::ceil(origin.y() + image_->height() * scale - 0.5)));
-  std::vector<float> mixed(from.channels());
-  std::vector<int> columns;
-  if (nearest)
-    for (int px = left; px < right; ++px)
-      columns.push_back(
-          std::clamp(static_cast<int>((px + 0.5 - origin.x()) * toLevelX), 0, from.width() - 1));
-  int previousRow = -1, previousLine = -1;
-  for (int py = top; py < bottom; ++py) {
-    auto* line = reinterpret_cast<QRgb*>(rendered_.scanLine(py));
-    const double y = (py + 0.5 - origin.y()) * toLevelY;
-    if (nearest) {
-      const int row = std::clamp(static_cast<int>(y), 0, from.height() - 1);
-      if (row == previousRow) {  // magnified rows repeat
-        const auto* same = reinterpret_cast<const QRgb*>(rendered_.constScanLine(previousLine));
-        std::copy(same + left, same + right, line + left);
-        continue;
-      }
-      int previousColumn = -1;
-      QRgb colour = 0;
-      for (int px = left; px < right; ++px) {
-        const int column = columns[px - left];
-        if (column != previousColumn) colour = tone(from.pixel(column, row));
-        previousColumn = column;
-        line[px] = colour;
-      }
-      previousRow = row;
-      previousLine = py;
-      continue;
-    }
-    const double cy = std::clamp(y - 0.5, 0.0, from.height() - 1.0);
-    const int y0 = static_cast<int>(cy), y1 = std::min(y0 + 1, from.height() - 1);
-    const auto fy = static_cast<float>(cy - y0);
-    for (int px = left; px < right; ++px) {
-      const double cx = std::clamp((px + 0.5 - origin.x()) * toLevelX - 0.5, 0.0, from.width() - 1.0);
-      const int x0 = static_cast<int>(cx), x1 = std::min(x0 + 1, from.width() - 1);
-      const auto fx = static_cast<float>(cx - x0);
-      for (int c = 0; c < from.channels(); ++c)
-        mixed[c] = (1 - fy) * ((1 - fx) * from.at(x0, y0, c) + fx * from.at(x1, y0, c)) +
-                   fy * ((1 - fx) * from.at(x0, y1, c) + fx * from.at(x1, y1, c));
-      line[px] = tone(mixed);
-    }
-  }
-  if (!mask_ || maskedStates_ == 0) return;
   // Diagonal hatching in device pixels: plainly not a value of any ramp.
   for (int py = top; py < bottom; ++py) {
     auto* line = reinterpret_cast<QRgb*>(rendered_.scanLine(py));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "widgets/focus_ring.h"
+#include "widgets/picture_renderer.h"
 #include "widgets/tone.h"
 
 namespace patina {
@@ -71,11 +72,10 @@ class ImageView : public QWidget {
   void render();
   void setView(double zoom, const QPointF& offset);
   void reportHover(const QPointF& position);
-  const Image& level(int index);
   bool masked(double x, double y) const;
 
   std::shared_ptr<const Image> image_;
-  std::vector<Image> smaller_;  ///< 2 x 2 averages, made when first wanted
+  PictureRenderer renderer_;
   ToneStyle style_ = ToneStyle::LinearRgb;
   ToneSettings tone_;
   QString emptyText_;

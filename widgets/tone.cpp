@@ -26,6 +26,17 @@ const std::array<std::uint8_t, kCurveSteps + 1>& srgbCurve() {
   return table;
 }
 
+QRgb fromOklch(double lightness, double chroma, double hueRad) {
+  const double a = chroma * std::cos(hueRad), b = chroma * std::sin(hueRad);
+  const double l = std::pow(lightness + 0.3963377774 * a + 0.2158037573 * b, 3);
+  const double m = std::pow(lightness - 0.1055613458 * a - 0.0638541728 * b, 3);
+  const double s = std::pow(lightness - 0.0894841775 * a - 1.2914855480 * b, 3);
+  const auto encode = [](double linear) { return encodeSrgb8(static_cast<float>(linear)); };
+  return qRgb(encode(4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s),
+              encode(-1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s),
+              encode(-0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s));
+}
+
 /// The scalar ramp: OKLCh with lightness rising evenly from dark violet-blue through green to pale yellow, so
 /// that equal steps of value look equally large and the ramp reads in grey too.
 const std::array<QRgb, 256>& ramp() {
@@ -36,14 +47,22 @@ const std::array<QRgb, 256>& ramp() {
       const double lightness = 0.20 + 0.75 * t;
       const double hueRad = (285.0 - 185.0 * t) * std::numbers::pi / 180.0;
       const double chroma = 0.06 + 0.085 * std::sin(std::numbers::pi * std::min(1.0, 0.15 + 0.9 * t));
-      const double a = chroma * std::cos(hueRad), b = chroma * std::sin(hueRad);
-      const double l = std::pow(lightness + 0.3963377774 * a + 0.2158037573 * b, 3);
-      const double m = std::pow(lightness - 0.1055613458 * a - 0.0638541728 * b, 3);
-      const double s = std::pow(lightness - 0.0894841775 * a - 1.2914855480 * b, 3);
-      const auto encode = [](double linear) { return encodeSrgb8(static_cast<float>(linear)); };
-      colours[i] = qRgb(encode(4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s),
-                        encode(-1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s),
-                        encode(-0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s));
+      colours[i] = fromOklch(lightness, chroma, hueRad);
+    }
+    return colours;
+  }();
+  return table;
+}
+
+/// The diverging ramp: dark and grey in the middle, lightness and chroma rising evenly to both ends, so that
+/// the size of a difference reads in grey and its sign in hue.
+const std::array<QRgb, 257>& divergingRamp() {
+  static const auto table = [] {
+    std::array<QRgb, 257> colours{};
+    for (int i = 0; i <= 256; ++i) {
+      const double t = (i - 128) / 128.0, size = std::abs(t);
+      const double hueRad = (t < 0 ? 250.0 : 60.0) * std::numbers::pi / 180.0;
+      colours[i] = fromOklch(0.27 + 0.55 * size, 0.135 * std::pow(size, 0.8), hueRad);
     }
     return colours;
   }();
@@ -93,6 +112,11 @@ QRgb ToneMapper::operator()(std::span<const float> pixel) const {
     }
     case ToneStyle::Status:
       return statusColour(static_cast<int>(std::lround(pixel[0])));
+    case ToneStyle::Diverging: {
+      const float t = (pixel[0] - low_) * scale_;
+      if (std::isnan(t)) return qRgb(56, 56, 56);  // the canvas: nothing there
+      return divergingRamp()[static_cast<int>(std::clamp(t, 0.0f, 1.0f) * 256.0f + 0.5f)];
+    }
   }
   return qRgb(0, 0, 0);
 }
@@ -100,6 +124,8 @@ QRgb ToneMapper::operator()(std::span<const float> pixel) const {
 QRgb ToneMapper::atFraction(double fraction) const {
   const int index = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * 255.0 + 0.5);
   if (style_ == ToneStyle::Scalar) return ramp()[index];
+  if (style_ == ToneStyle::Diverging)
+    return divergingRamp()[static_cast<int>(std::clamp(fraction, 0.0, 1.0) * 256.0 + 0.5)];
   const int grey = encodeSrgb8(static_cast<float>(std::clamp(fraction, 0.0, 1.0)));
   return qRgb(grey, grey, grey);
 }
@@ -136,6 +162,10 @@ ToneSettings automaticTone(ToneStyle style, const Image& image, const Image* sta
     }
   } else if (style == ToneStyle::Normal) {
     tone.high = std::max(0.01f, percentile(values, 0.99));
+    tone.low = -tone.high;
+  } else if (style == ToneStyle::Diverging) {  // as much to either side, so that the middle is zero
+    for (float& value : values) value = std::abs(value);
+    tone.high = std::max(1e-6f, percentile(values, 0.98));
     tone.low = -tone.high;
   } else {
     tone.low = 0;

@@ -15,6 +15,7 @@ enum class ToneStyle {
   Scalar,     ///< one number, shown through a colour ramp that is monotonic in lightness
   Normal,     ///< unit vectors: X in red, Y in green, zero in the middle
   Status,     ///< a TexelStatus
+  Diverging,  ///< one signed number: blue below zero, orange above, dark in the middle; NaN: nothing there
 };
 
 /// What a person has set for a picture: exposure (LinearRgb only) and the range of values that the colours
