@@ -18,6 +18,7 @@
 #include "engine/twoshot/basis.h"
 #include "engine/twoshot/basis_format.h"
 #include "engine/twoshot/mapping.h"
+#include "engine/twoshot/quantised_rows.h"
 
 namespace patina {
 namespace {
@@ -129,11 +130,7 @@ class BasisFile : public Basis {
         const std::size_t first = s * kSlab, count = std::min(kSlab, header_.cells - first);
         const std::size_t k = header_.components;
         slab.resize(static_cast<Index>(count), static_cast<Index>(k));
-        for (std::size_t i = 0; i < count; ++i) {
-          const std::int16_t* from = components_ + (first + i) * k;
-          float* to = slab.data() + i * k;
-          for (std::size_t j = 0; j < k; ++j) to[j] = static_cast<float>(from[j]);
-        }
+        decodeComponents(components_ + first * k, count * k, slab.data());
         visit(first, slab);
       }
     });
@@ -202,8 +199,7 @@ BasisRows BasisFile::rows(std::span<const HalfDiffAngles> angles, std::vector<in
     double meanHere = 0, referenceHere = 0;
     for (int c = 0; c < count; ++c) {
       const auto w = static_cast<float>(corners[c].weight / total);
-      const std::int16_t* row = components_ + static_cast<std::size_t>(corners[c].row) * k;
-      for (Index j = 0; j < k; ++j) sum[j] += w * static_cast<float>(row[j]);
+      addComponents(w, components_ + static_cast<std::size_t>(corners[c].row) * k, k, sum.data());
       meanHere += corners[c].weight / total * mean_[corners[c].row];
       referenceHere += corners[c].weight / total * lnReference_[corners[c].row];
     }
@@ -269,7 +265,7 @@ std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, 
     RowMajorMatrixXf seen;
     multiply(slab, turned, seen);
     for (Index i = 0; i < slab.rows(); ++i) {
-      const float prior = (slab.row(i).transpose().array().square() * squares).sum();
+      const float prior = weightedSquares(slab.row(i).data(), squares.data(), k);
       const float variance = std::max(prior - seen.row(i).squaredNorm(), 0.0f);
       const auto value = static_cast<float>(std::sqrt(scale * variance));
       const std::size_t cell = cells_[first + i];
