@@ -80,6 +80,7 @@ int runProgram(int argc, char** argv) {
   addDemoVerb(program, context);
 #endif
   addFitVerb(program, context);
+  addBrdfVerb(program, context);
   addMissingVerbs(program, context);
   program.allow_extras();  // after the verbs, which would inherit it: an unknown verb is told from an unknown
                            // option below

@@ -11,7 +11,6 @@ void addMissingVerbs(CLI::App& program, Context& context) {
                                          {"plan", "planning two-shot directions"},
                                          {"expect", "predicting the error of directions"},
                                          {"basis", "building a basis from measured BRDFs"},
-                                         {"brdf", "converting measured BRDFs"},
                                          {"calibrate", "calibrating a rig from photographs"},
                                          {"capture", "capturing with a rig"},
                                          {"render", "rendering a fit"},

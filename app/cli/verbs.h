@@ -46,6 +46,7 @@ struct Context {
 void addCommonOptions(CLI::App& verb, Context& context);
 
 void addFitVerb(CLI::App& program, Context& context);
+void addBrdfVerb(CLI::App& program, Context& context);  // brdf.cpp
 void addDemoVerb(CLI::App& program, Context& context);  // demo.cpp
 /// The contract's verbs that this version doesn't have: not listed, and typing one says so.
 void addMissingVerbs(CLI::App& program, Context& context);

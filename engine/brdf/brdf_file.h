@@ -19,6 +19,11 @@ Result<BrdfPtr> readBrdf(const std::filesystem::path& file);
 /// have none.
 Result<BrdfPtr> readBrdfBytes(std::string_view bytes, const std::string& where);
 
+/// A BRDF by what a person types: "analytic:MODEL?key=value&..." (`parseAnalyticBrdf`), "built-in:NAME" (one
+/// of the built-in networks of the MERL materials), otherwise a file. Errors: as theirs; Unsupported where
+/// there is no built-in material of that name (the nearest is named).
+Result<BrdfPtr> openBrdf(const std::string& source);
+
 /// The files in `folder` (not below it) that `readBrdf` may be able to read, by their ending (.binary, .bsdf,
 /// .dat, .alta), sorted by name. Errors: NotFound.
 Result<std::vector<std::filesystem::path>> listBrdfFiles(const std::filesystem::path& folder);
