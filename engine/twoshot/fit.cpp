@@ -238,20 +238,11 @@ class Fitter {
         job_.progress("predict", ++done, total, "photos");
       }
     }
-    for (std::size_t s = 0; s < capture.shots.size(); ++s) {
-      const TwoShotPhoto& shot = capture.shots[s];
-      if (!shot.holdout) continue;
-      if (job_.cancelled()) return cancelled();
-      Result<Image> photo = readPhoto(capture, shot);
-      if (!photo) return photo.error();
-      const SampleView view = viewOf(capture, shot.camera);
-      Result<IrradiancePicture> irradiance = irradianceOf(capture, shot, view, nullptr);
-      if (!irradiance) return irradiance.error();
-      const PhotoNoise noise = estimateNoise({{&*photo, &view.inside}});
-      fit_->comparisons.push_back(
-          predictPhoto(capture, s, *photo, noise, view, *irradiance, brdfs, materials_, &held));
-      job_.progress("predict", ++done, total, "photos");
-    }
+    std::vector<bool> heldOut;
+    for (const TwoShotPhoto& shot : capture.shots) heldOut.push_back(shot.holdout);
+    auto others = compareShots(capture, fit_->materials, materials_, job_, &fitted, &held, heldOut, done);
+    if (!others) return others.error();
+    for (TwoShotComparison& comparison : *others) fit_->comparisons.push_back(std::move(comparison));
     TwoShotStats& stats = fit_->stats;
     stats.fitRms = fitted.rms(), stats.noiseFloorFit = fitted.noiseFloor();
     stats.holdoutRms = held.rms(), stats.noiseFloorHoldout = held.noiseFloor();

@@ -22,25 +22,27 @@ constexpr double kWholeCellShare = 0.05;
 /// Blocks that the quadtree starts with, as a share of the rows.
 constexpr double kFirstShare = 0.25;
 
-/// Whether each pixel is of the material and usable, and what it weighs.
+/// What each pixel of the material that can be used weighs; 0 for the others.
 std::vector<float> pixelWeights(const ReflectancePicture& picture, const std::vector<std::int8_t>* materialOf,
                                 int material) {
   const SampleView& view = picture.view;
   const std::size_t pixels = picture.usable.size();
-  double area = 0;
+  double inside = 0;
+  double areaMm2 = 0;
   Eigen::Vector2f low = Eigen::Vector2f::Constant(1e30f), high = -low;
   for (std::size_t i = 0; i < pixels; ++i) {
     if (!view.inside[i]) continue;
-    area += view.areaMm2[i];
+    inside += 1;
+    areaMm2 += view.areaMm2[i];
     low = low.cwiseMin(view.positionMm[i]), high = high.cwiseMax(view.positionMm[i]);
   }
   std::vector<float> weights(pixels, 0.0f);
-  if (!(area > 0)) return weights;
-  const double side = std::sqrt(area / kEtaRows);
+  if (!(areaMm2 > 0)) return weights;
+  const double side = std::sqrt(areaMm2 / kEtaRows);
   const int columns = static_cast<int>((high - low).x() / side) + 1,
             rows = static_cast<int>((high - low).y() / side) + 1;
   struct Cell {
-    double area = 0, used = 0;
+    double pixels = 0, used = 0;
   };
   std::vector<Cell> cells(static_cast<std::size_t>(columns) * rows);
   const auto cellOf = [&](std::size_t i) -> Cell& {
@@ -55,14 +57,14 @@ std::vector<float> pixelWeights(const ReflectancePicture& picture, const std::ve
   for (std::size_t i = 0; i < pixels; ++i) {
     if (!view.inside[i]) continue;
     Cell& cell = cellOf(i);
-    cell.area += view.areaMm2[i];
-    if (counts(i)) cell.used += view.areaMm2[i];
+    cell.pixels += 1;
+    cell.used += counts(i);
   }
   for (std::size_t i = 0; i < pixels; ++i) {
     if (!view.inside[i] || !counts(i)) continue;
     const Cell& cell = cellOf(i);
-    const double ramp = std::min(1.0, cell.used / (kWholeCellShare * cell.area));
-    weights[i] = static_cast<float>(kEtaRows * cell.area / area * ramp * view.areaMm2[i] / cell.used);
+    const double whole = std::min(1.0, cell.used / (kWholeCellShare * cell.pixels));
+    weights[i] = static_cast<float>(kEtaRows * cell.pixels / inside * whole / cell.used);
   }
   return weights;
 }

@@ -30,10 +30,11 @@ struct Observations {
 /// weight); blocks that vary by less than 2 % stay whole. So a highlight that is narrower than a block is
 /// resolved, down to single pixels, and nothing is averaged over a steep slope.
 ///
-/// Weights don't follow the blocks but the sample: it is divided into about kEtaRows cells, each weighs what
-/// its area is of the sample, kEtaRows a picture in all, and shares that among the material's usable pixels
-/// in it (a cell with less than 5 % of them weighs less). Neither resolution, nor the quadtree, nor a
-/// material that is scattered over the sample changes how a picture counts.
+/// Weights don't follow the blocks: as in the paper a pixel is a pixel, kEtaRows a picture in all. Where some
+/// pixels are not used, their neighbours stand for them: the sample is divided into about kEtaRows cells,
+/// each weighs what its pixels are of the picture's, and shares that among the material's usable pixels in it
+/// (a cell with less than 5 % of them weighs less). Neither resolution, nor the quadtree, nor a material that
+/// is scattered over the sample changes how a picture counts.
 ///
 /// `materialOf`: for each picture the material of every pixel, -1 where it is not to be used; empty: all
 /// pixels are of material 0. Folds: whole pictures where there are three or more, else six sectors of each.

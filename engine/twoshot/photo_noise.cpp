@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kBins = 16;
 constexpr std::size_t kFewestPatches = 100;
-/// Patches looked at, all photographs together: the variance of each bin is then known to about 2 %.
+/// Patches looked at: the variance of each bin is then known to about 2 %.
 constexpr std::size_t kMostPatches = 60'000;
 /// Median of a chi-squared variable of 3 degrees of freedom, over 3.
 constexpr double kMedianOfVariance = 2.366 / 3;
@@ -37,27 +37,23 @@ Patch residualOf(const Image& image, int x, int y, int channel) {
   return {sum / 9, std::max(left, 0.0) / 3};
 }
 
-std::vector<Patch> collectPatches(const std::vector<MaskedPhoto>& photos) {
-  std::size_t candidates = 0;
-  for (const MaskedPhoto& photo : photos) candidates += photo.image->pixelCount() / 3;
-  const std::size_t stride = std::max<std::size_t>(1, candidates / kMostPatches);
+std::vector<Patch> collectPatches(const MaskedPhoto& photo) {
+  const Image& image = *photo.image;
+  const std::size_t stride = std::max<std::size_t>(1, image.pixelCount() / 3 / kMostPatches);
   std::vector<Patch> patches;
   std::size_t turn = 0;
-  for (const MaskedPhoto& photo : photos) {
-    const Image& image = *photo.image;
-    const auto inside = [&](int x, int y) {
-      for (int j = -1; j <= 1; ++j) {
-        for (int i = -1; i <= 1; ++i) {
-          if (!(*photo.mask)[static_cast<std::size_t>(y + j) * image.width() + x + i]) return false;
-        }
+  const auto inside = [&](int x, int y) {
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) {
+        if (!(*photo.mask)[static_cast<std::size_t>(y + j) * image.width() + x + i]) return false;
       }
-      return true;
-    };
-    for (int y = 1; y + 1 < image.height(); y += 3) {
-      for (int x = 1; x + 1 < image.width(); x += 3) {
-        for (int c = 0; c < 3; ++c) {
-          if (turn++ % stride == 0 && inside(x, y)) patches.push_back(residualOf(image, x, y, c));
-        }
+    }
+    return true;
+  };
+  for (int y = 1; y + 1 < image.height(); y += 3) {
+    for (int x = 1; x + 1 < image.width(); x += 3) {
+      for (int c = 0; c < 3; ++c) {
+        if (turn++ % stride == 0 && inside(x, y)) patches.push_back(residualOf(image, x, y, c));
       }
     }
   }
@@ -66,8 +62,8 @@ std::vector<Patch> collectPatches(const std::vector<MaskedPhoto>& photos) {
 
 }  // namespace
 
-PhotoNoise estimateNoise(const std::vector<MaskedPhoto>& photos) {
-  std::vector<Patch> patches = collectPatches(photos);
+PhotoNoise estimateNoise(const MaskedPhoto& photo) {
+  std::vector<Patch> patches = collectPatches(photo);
   double mean = 0;
   for (const Patch& patch : patches) mean += std::max(patch.mean, 0.0) / static_cast<double>(patches.size());
   const double smallest = std::max(1e-6 * mean, 1e-12);  // a rendering still has its file's digits

@@ -22,11 +22,12 @@ struct MaskedPhoto {
   const std::vector<std::uint8_t>* mask = nullptr;
 };
 
-/// The noise of photographs of one sensor, from themselves: what a quadratic surface through every 3 x 3
-/// patch leaves over (3 of 9 degrees of freedom), its median in bins of brightness, then a weighted line.
-/// Whatever changes from pixel to pixel counts as noise, the sample's own grain too: it averages out in the
-/// same way. Falls back on 1 % of the mean where fewer than 100 patches lie inside the mask. Cost: one pass.
-PhotoNoise estimateNoise(const std::vector<MaskedPhoto>& photos);
+/// A photograph's noise, from itself: what a quadratic surface through every 3 x 3 patch leaves over (3 of 9
+/// degrees of freedom), its median in bins of brightness, then a weighted line. Whatever changes from pixel
+/// to pixel counts as noise, the sample's own grain too: it averages out in the same way. One photograph at a
+/// time, because gain and unit may differ between them. Falls back on 1 % of the mean where fewer than 100
+/// patches lie inside the mask. Cost: one pass.
+PhotoNoise estimateNoise(const MaskedPhoto& photo);
 
 /// Pixel values at which a photograph is clipped, R G B; infinite where nothing says that it is.
 ///

@@ -64,4 +64,33 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
   return comparison;
 }
 
+Result<std::vector<TwoShotComparison>> compareShots(const TwoShotCapture& capture,
+                                                    const std::vector<TwoShotMaterial>& found,
+                                                    const MaterialMap& materials, const JobContext& job,
+                                                    ErrorSums* fitted, ErrorSums* held,
+                                                    const std::vector<bool>& wanted, std::int64_t done) {
+  std::vector<std::shared_ptr<const TabulatedBrdf>> brdfs;
+  for (const TwoShotMaterial& material : found) brdfs.push_back(material.brdf);
+  std::vector<TwoShotComparison> comparisons;
+  const auto total = static_cast<std::int64_t>(capture.shots.size());
+  for (const bool holdout : {false, true}) {
+    for (std::size_t s = 0; s < capture.shots.size(); ++s) {
+      const TwoShotPhoto& shot = capture.shots[s];
+      if (shot.holdout != holdout || (!wanted.empty() && !wanted[s])) continue;
+      if (job.cancelled())
+        return Error{ErrorCode::Cancelled, "comparing the photographs was cancelled", "", ""};
+      Result<Image> photo = readPhoto(capture, shot);
+      if (!photo) return photo.error();
+      const SampleView view = viewOf(capture, shot.camera);
+      Result<IrradiancePicture> irradiance = irradianceOf(capture, shot, view, nullptr);
+      if (!irradiance) return irradiance.error();
+      const PhotoNoise noise = estimateNoise({&*photo, &view.inside});
+      comparisons.push_back(predictPhoto(capture, s, *photo, noise, view, *irradiance, brdfs, materials,
+                                         holdout ? held : fitted));
+      job.progress("predict", ++done, total, "photos");
+    }
+  }
+  return comparisons;
+}
+
 }  // namespace patina

@@ -30,4 +30,14 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
                                const std::vector<std::shared_ptr<const TabulatedBrdf>>& brdfs,
                                const MaterialMap& materials, ErrorSums* sums);
 
+/// Reads photographs and their white photographs and predicts them: those for which `wanted` is true, all
+/// where it is empty; fitted ones first. `fitted` and `held` collect the sums. Progress: "predict", beginning
+/// at `done` of all shots. Errors: those of reading; Cancelled.
+Result<std::vector<TwoShotComparison>> compareShots(const TwoShotCapture& capture,
+                                                    const std::vector<TwoShotMaterial>& found,
+                                                    const MaterialMap& materials, const JobContext& job,
+                                                    ErrorSums* fitted, ErrorSums* held,
+                                                    const std::vector<bool>& wanted = {},
+                                                    std::int64_t done = 0);
+
 }  // namespace patina

@@ -29,9 +29,9 @@ struct Merged {
 
 /// Exposures of one pixel and channel, merged: weights are inverse variances of value / exposure, the
 /// variance taken at the pooled rate (at the noisy values themselves the mean would be biased low).
-template <typename Exposures, typename Value, typename Level>
+template <typename Exposures, typename Value, typename Level, typename Noise>
 Merged mergeExposures(const Exposures& exposures, std::size_t count, Value&& value, Level&& level,
-                      const PhotoNoise& noise) {
+                      Noise&& noise) {
   Merged merged;
   double sum = 0, seconds = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -46,7 +46,7 @@ Merged mergeExposures(const Exposures& exposures, std::size_t count, Value&& val
   double weights = 0;
   for (std::size_t i = 0; i < count; ++i) {
     if (value(i) >= level(i)) continue;
-    const double t = exposures(i), w = t * t / noise.variance(pooled * t);
+    const double t = exposures(i), w = t * t / noise(i).variance(pooled * t);
     merged.rate += w * value(i) / t;
     weights += w;
   }
@@ -84,7 +84,6 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
     levels.push_back(level);
     seconds.push_back(capture.shots[s].exposureS);
   }
-  const PhotoNoise noise = loaded[picture.shots.front()].noise;
   picture.brdf = Image(seen.width, seen.height, 3);
   picture.variance = Image(seen.width, seen.height, 3);
   picture.usable.assign(picture.brdf.pixelCount(), 0);
@@ -100,7 +99,8 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
           const Merged merged = mergeExposures(
               [&](std::size_t e) { return seconds[e]; }, seconds.size(),
               [&](std::size_t e) { return double{loaded[picture.shots[e]].pixels.at(x, y, c)}; },
-              [&](std::size_t e) { return levels[e][c]; }, noise);
+              [&](std::size_t e) { return levels[e][c]; },
+              [&](std::size_t e) -> const PhotoNoise& { return loaded[picture.shots[e]].noise; });
           isClipped |= merged.clipped;
           isDark |= merged.dark && !merged.clipped;
           isUnlit |= !(rate > 0);
@@ -223,7 +223,6 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
     }
   }
   std::vector<SampleView> views;
-  std::vector<MaskedPhoto> photos;
   for (const auto& group : groups) views.push_back(viewOf(capture, capture.shots[group.front()].camera));
   for (std::size_t g = 0; g < groups.size(); ++g) {
     for (const std::size_t s : groups[g]) {
@@ -232,11 +231,9 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
       Result<Image> image = readPhoto(capture, capture.shots[s]);
       if (!image) return image.error();
       loaded.shots[s].pixels = std::move(*image);
-      photos.push_back({&loaded.shots[s].pixels, &views[g].inside});
+      loaded.shots[s].noise = estimateNoise({&loaded.shots[s].pixels, &views[g].inside});
     }
   }
-  const PhotoNoise noise = estimateNoise(photos);
-  for (std::size_t s = 0; s < loaded.shots.size(); ++s) loaded.shots[s].noise = noise;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
     Result<ReflectancePicture> picture =

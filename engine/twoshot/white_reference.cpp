@@ -47,18 +47,18 @@ Result<RateImage> mergedWhite(const TwoShotCapture& capture, const std::vector<c
                               const SampleView& view) {
   std::vector<Image> images;
   std::vector<Eigen::Array3d> levels;
-  std::vector<MaskedPhoto> photos;
+  std::vector<PhotoNoise> noise;
   for (const TwoShotPhoto* white : whites) {
     Result<Image> image = readPhoto(capture, *white);
     if (!image) return image.error();
     images.push_back(std::move(*image));
   }
   for (std::size_t i = 0; i < images.size(); ++i) {
-    photos.push_back({&images[i], &view.onSample});
+    const MaskedPhoto photo{&images[i], &view.onSample};
+    noise.push_back(estimateNoise(photo));
     const double limit = whites[i]->encoding.empty() ? std::numeric_limits<double>::infinity() : 1.0;
-    levels.push_back(clipLevels(photos.back(), capture.saturation, limit));
+    levels.push_back(clipLevels(photo, capture.saturation, limit));
   }
-  const PhotoNoise noise = estimateNoise(photos);
   RateImage out{Image(view.width, view.height, 3), Image(view.width, view.height, 3)};
   tbb::parallel_for(tbb::blocked_range<int>(0, view.height), [&](const tbb::blocked_range<int>& range) {
     for (int y = range.begin(); y < range.end(); ++y) {
@@ -76,7 +76,7 @@ Result<RateImage> mergedWhite(const TwoShotCapture& capture, const std::vector<c
           for (std::size_t e = 0; e < images.size(); ++e) {
             const double v = images[e].at(x, y, c), t = whites[e]->exposureS;
             if (v >= levels[e][c]) continue;
-            const double w = t * t / noise.variance(sum / seconds * t);
+            const double w = t * t / noise[e].variance(sum / seconds * t);
             rate += w * v / t, weights += w;
           }
           rate /= weights;
