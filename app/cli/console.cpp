@@ -29,6 +29,10 @@ std::string titleOf(std::string_view stage) {
       {"holdout", "Checking against held-out photographs"},
       {"expose", "Simulating photographs"},
       {"write", "Writing photographs"},
+      {"search", "Searching directions"},
+      {"built-in basis", "Preparing the built-in basis (once)"},
+      {"map", "Mapping the materials"},
+      {"components", "Computing the components"},
       {"dump", "Writing stage images"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);

@@ -81,6 +81,9 @@ int runProgram(int argc, char** argv) {
 #endif
   addFitVerb(program, context);
   addBrdfVerb(program, context);
+  addPlanVerb(program, context);
+  addExpectVerb(program, context);
+  addBasisVerb(program, context);
   addMissingVerbs(program, context);
   program.allow_extras();  // after the verbs, which would inherit it: an unknown verb is told from an unknown
                            // option below

@@ -8,9 +8,6 @@ void addMissingVerbs(CLI::App& program, Context& context) {
     const char* does;
   };
   static constexpr Missing kMissing[] = {{"explain", "finding out which effect a fit misses"},
-                                         {"plan", "planning two-shot directions"},
-                                         {"expect", "predicting the error of directions"},
-                                         {"basis", "building a basis from measured BRDFs"},
                                          {"calibrate", "calibrating a rig from photographs"},
                                          {"capture", "capturing with a rig"},
                                          {"render", "rendering a fit"},

@@ -48,6 +48,9 @@ void addCommonOptions(CLI::App& verb, Context& context);
 void addFitVerb(CLI::App& program, Context& context);
 void addBrdfVerb(CLI::App& program, Context& context);  // brdf.cpp
 void addDemoVerb(CLI::App& program, Context& context);  // demo.cpp
+void addPlanVerb(CLI::App& program, Context& context);
+void addExpectVerb(CLI::App& program, Context& context);
+void addBasisVerb(CLI::App& program, Context& context);
 /// The contract's verbs that this version doesn't have: not listed, and typing one says so.
 void addMissingVerbs(CLI::App& program, Context& context);
 
