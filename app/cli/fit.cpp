@@ -3,10 +3,12 @@
 #include <charconv>
 #include <memory>
 
+#include "app/cli/fit_folder.h"
 #include "app/cli/fit_report.h"
+#include "app/cli/fit_two_shot.h"
 #include "app/cli/verbs.h"
-#include "engine/base/atomic_file.h"
 #include "engine/base/text.h"
+#include "engine/capture/two_shot_capture.h"
 
 namespace patina::cli {
 namespace {
@@ -20,6 +22,8 @@ struct FitArguments {
   bool noRestarts = false;
   bool noPooling = false;
   FourierFitOptions options;
+  TwoShotArguments twoShot;
+  std::vector<const CLI::Option*> fourierOnly, twoShotOnly;
 };
 
 /// "12,34"
@@ -33,24 +37,13 @@ std::optional<std::pair<int, int>> parseTexel(const std::string& text) {
   return texel;
 }
 
-/// Whether a folder, there already or not, is the bundle's or lies in it.
-bool isInside(const fs::path& folder, const fs::path& bundle) {
-  std::error_code code, ignored;
-  const fs::path home = fs::canonical(bundle, code);
-  if (code) return false;
-  for (fs::path at = fs::weakly_canonical(fs::absolute(folder, ignored), ignored); !at.empty();
-       at = at.parent_path()) {
-    if (fs::equivalent(at, home, ignored)) return true;
-    if (at == at.parent_path()) break;
+/// Options that were typed and hold for one kind of bundle only, as "--size, --lobe".
+std::string typed(const std::vector<const CLI::Option*>& options) {
+  std::string names;
+  for (const CLI::Option* option : options) {
+    if (option->count() > 0) names += (names.empty() ? "" : ", ") + option->get_name();
   }
-  return false;
-}
-
-/// Fails now rather than after minutes of work where nothing could be written.
-Status checkWritable(const std::string& folder) {
-  Result<StagedFolder> probe = StagedFolder::create(folder);
-  if (!probe) return probe.error();
-  return Done{};
+  return names;
 }
 
 int runFit(FitArguments& arguments, Context& context) {
@@ -77,18 +70,22 @@ int runFit(FitArguments& arguments, Context& context) {
     texels.push_back(*texel);
   }
 
+  const Result<std::string> kind = captureKind(arguments.bundle);
+  const bool twoShot = kind && *kind == "two-shot";
+  const std::string wrong = typed(twoShot ? arguments.fourierOnly : arguments.twoShotOnly);
+  // What can't be told (no such bundle, another kind) is reported by the reader below.
+  if (!wrong.empty() && (twoShot || (kind && *kind == "fourier"))) {
+    return context.misuse(wrong + " doesn't apply to a bundle of kind '" + *kind +
+                          "'. Try: patina-cli fit --help, which says what belongs to which kind.");
+  }
+  if (twoShot) return runTwoShotFit(arguments.bundle, arguments.out, arguments.twoShot, context);
+
   const JobContext job = context.job();
   Result<FourierCapture> capture = readFourierCapture(arguments.bundle, job);
   if (!capture) return context.fail(capture.error());
   for (const std::string& folder : {arguments.out, arguments.dumpDir}) {
     if (folder.empty()) continue;
-    if (isInside(folder, capture->folder)) {
-      std::error_code ignored;
-      const fs::path home = fs::canonical(capture->folder, ignored);
-      return context.misuse("the bundle is never written to, and " + folder +
-                            " is in it. Try: a folder beside it, such as " +
-                            (home.parent_path() / (home.filename().string() + "-fit")).string() + ".");
-    }
+    if (isInside(folder, capture->folder)) return refuseInside(folder, capture->folder, context);
     Status writable = checkWritable(folder);
     if (!writable) return context.fail(writable.error());
   }
@@ -133,7 +130,8 @@ int runFit(FitArguments& arguments, Context& context) {
 }  // namespace
 
 void addFitVerb(CLI::App& program, Context& context) {
-  CLI::App* verb = program.add_subcommand("fit", "Fits material maps to a capture bundle");
+  CLI::App* verb = program.add_subcommand(
+      "fit", "Fits a capture bundle: material maps (kind fourier) or a measured BRDF (kind two-shot)");
   verb->set_help_flag("-h,--help", "Print this help");
   auto arguments = std::make_shared<FitArguments>();
   const FourierFitOptions defaults;
@@ -145,7 +143,8 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->option_text(" ");
   verb->add_option(
           "--out", arguments->out,
-          "Folder for maps/*.exr and fit.json; made if missing, replaced only where names are the same")
+          "Folder for the results (kind fourier: maps/*.exr and fit.json; two-shot: brdf.binary, fit.json,\n"
+          "pictures); made if missing, replaced only where names are the same")
       ->required()
       ->option_text("DIR");
   verb->add_option("--size", arguments->options.size,
@@ -156,7 +155,7 @@ void addFitVerb(CLI::App& program, Context& context) {
                    byDefault("Effects beyond the standard model; this version has only: none", "none"))
       ->option_text("none");
 
-  constexpr const char* kModel = "The fit";
+  constexpr const char* kModel = "Bundles of kind fourier";
   verb->add_option("--lobe", arguments->lobe,
                    byDefault("How the glossy lobe is mapped onto the screen: exact moments, or the paper's\n"
                              "first-order map",
@@ -188,7 +187,34 @@ void addFitVerb(CLI::App& program, Context& context) {
                  "every pixel alone, noisier where lobes are broad")
       ->group(kModel);
 
-  constexpr const char* kLook = "Looking inside";
+  constexpr const char* kTwoShot = "Bundles of kind two-shot";
+  TwoShotArguments& twoShot = arguments->twoShot;
+  verb->add_option("--basis", twoShot.basis,
+                   byDefault("Basis of measured BRDFs (patina-cli basis build)", "the built-in one"))
+      ->option_text("FILE")
+      ->group(kTwoShot);
+  verb->add_option("--eta", twoShot.eta,
+                   byDefault("Tikhonov's weight for 300 rows a picture; larger: closer to the basis' mean;\n"
+                             "auto: by cross-validation over parts of the pictures",
+                             twoShot.eta))
+      ->option_text("V|auto")
+      ->group(kTwoShot);
+  verb->add_option(
+          "--clusters", twoShot.clusters,
+          byDefault("Materials on the sample, told apart by colour, 1 to 8; auto: chosen", twoShot.clusters))
+      ->option_text("N|auto")
+      ->group(kTwoShot);
+  verb->add_option("--rows", twoShot.rowsPerShot,
+                   byDefault("Measurements a picture after averaging neighbouring pixels; more: slower,\n"
+                             "finer highlights",
+                             std::to_string(twoShot.rowsPerShot)))
+      ->option_text("N")
+      ->group(kTwoShot);
+  verb->add_flag("--no-noise-weights", twoShot.noNoiseWeights,
+                 "Every pixel counts alike, as in the paper, whatever its noise")
+      ->group(kTwoShot);
+
+  constexpr const char* kLook = "Looking inside (kind fourier)";
   verb->add_option(
           "--texel", arguments->texels,
           "Print all samples, residuals and parameters of this texel (0,0 is the corner at -x, +y);\n"
@@ -202,6 +228,13 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->option_text("DIR")
       ->group(kLook);
   addCommonOptions(*verb, context);
+  for (const char* name : {"--size", "--lobe", "--weights", "--max-iterations", "--tolerance",
+                           "--no-restarts", "--no-pooling", "--texel", "--dump-dir"}) {
+    arguments->fourierOnly.push_back(verb->get_option(name));
+  }
+  for (const char* name : {"--basis", "--eta", "--clusters", "--rows", "--no-noise-weights"}) {
+    arguments->twoShotOnly.push_back(verb->get_option(name));
+  }
   verb->callback(
       [arguments, &context] { context.run = [arguments, &context] { return runFit(*arguments, context); }; });
 }

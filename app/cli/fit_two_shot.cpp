@@ -1,0 +1,185 @@
+#include "app/cli/fit_two_shot.h"
+
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+
+#include "app/cli/fit_folder.h"
+#include "engine/base/text.h"
+#include "engine/image/png.h"
+#include "engine/render/colour_map.h"
+#include "engine/render/contact_sheet.h"
+#include "engine/render/measured_sphere.h"
+#include "engine/render/tone_map.h"
+
+namespace patina::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A whole text as a number; empty where it isn't one.
+template <typename Number>
+std::optional<Number> parseNumber(const std::string& text) {
+  Number value{};
+  const char* end = text.data() + text.size();
+  const auto [last, code] = std::from_chars(text.data(), end, value);
+  if (code != std::errc() || last != end) return std::nullopt;
+  return value;
+}
+
+/// Captured, predicted and their difference for one photograph, side by side; the difference in colours from
+/// 0 to half of the brightness shown as white.
+Image comparisonRow(const TwoShotComparison& comparison) {
+  const float exposure = autoExposure(comparison.captured);
+  Image difference(comparison.captured.width(), comparison.captured.height(), 3);
+  for (std::size_t i = 0; i < difference.pixelCount(); ++i) {
+    float off = 0;
+    for (int c = 0; c < 3; ++c) {
+      off +=
+          std::abs(comparison.captured.samples()[3 * i + c] - comparison.rendered.samples()[3 * i + c]) / 3;
+    }
+    const auto colour = mapColour(ColourMap::Magma, 2 * exposure * off);
+    for (int c = 0; c < 3; ++c) difference.samples()[3 * i + c] = colour[c];
+  }
+  char error[64];
+  std::snprintf(error, sizeof error, "difference, RMS %.1f %%", 100 * comparison.rms);
+  return labelledRow(
+      {toneMap(comparison.captured, exposure), toneMap(comparison.rendered, exposure), difference},
+      {comparison.file + (comparison.holdout ? ", held out" : ", fitted"), "predicted", error});
+}
+
+Image stacked(const std::vector<Image>& rows) {
+  int width = 0, height = 0;
+  for (const Image& row : rows) width = std::max(width, row.width()), height += row.height();
+  if (width == 0) return {};
+  Image page(width, height, 3, 0.13f);
+  int top = 0;
+  for (const Image& row : rows) {
+    for (int y = 0; y < row.height(); ++y) {
+      for (int x = 0; x < row.width(); ++x) {
+        for (int c = 0; c < 3; ++c) page.at(x, top + y, c) = row.at(x, y, c);
+      }
+    }
+    top += row.height();
+  }
+  return page;
+}
+
+Status writePictures(const fs::path& folder, const TwoShotFit& fit, const JobContext& job) {
+  for (std::size_t m = 0; m < fit.materials.size(); ++m) {
+    const TwoShotMaterial& material = fit.materials[m];
+    Result<Image> sheet = sphereSheet(*material.brdf, material.posteriorSd.get(), material.priorSd,
+                                      SpherePictureOptions{.size = 320}, job);
+    if (!sheet) return sheet.error();
+    const std::string name = m == 0 ? "sphere.png" : "sphere_" + std::to_string(m + 1) + ".png";
+    if (Status written = writePng(folder / name, *sheet); !written) return written;
+  }
+  std::vector<Image> rows;
+  for (const TwoShotComparison& comparison : fit.comparisons) rows.push_back(comparisonRow(comparison));
+  if (rows.empty()) return Done{};
+  return writePng(folder / "comparison.png", stacked(rows));
+}
+
+std::string number(const char* pattern, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, pattern, value);
+  return text;
+}
+
+void printTwoShotSummary(const TwoShotFit& fit, Context& context) {
+  const TwoShotStats& stats = fit.stats;
+  std::size_t fitted = 0;
+  for (const TwoShotPhoto& shot : fit.capture.shots) fitted += !shot.holdout;
+  const auto total = stats.seconds.find("total");
+  context.console.say((stats.cancelled ? "Cancelled; kept " : "Reconstructed ") +
+                      counted(fit.materials.size(), "material") + " from " + counted(fitted, "photograph") +
+                      " in " + number("%.1f", total == stats.seconds.end() ? 0.0 : total->second) + " s.");
+  for (const std::string& remark : stats.remarks) context.console.say(remark);
+}
+
+void printTwoShotStats(const TwoShotFit& fit, Context& context) {
+  const TwoShotStats& stats = fit.stats;
+  context.console.say("");
+  context.console.say("Time, s");
+  for (const auto& [stage, seconds] : stats.seconds) {
+    context.console.say("  " + stage + std::string(stage.size() < 12 ? 12 - stage.size() : 1, ' ') +
+                        number("%9.3f", seconds));
+  }
+  context.console.say("Pixels used " + std::to_string(stats.pixels) + ", in rows " +
+                      std::to_string(stats.rows) + "; clipped " + std::to_string(stats.clippedPixels) +
+                      ", not above black " + std::to_string(stats.darkPixels) + ", rows beyond the basis " +
+                      std::to_string(stats.unreachedPixels));
+  for (const TwoShotMaterial& material : fit.materials) {
+    context.console.say("eta " + number("%.3g", material.eta[0]) + ", rows' residual " +
+                        number("%.4f", material.residualSd.mean()) + " ln, expected " +
+                        number("%.4f", material.expected.unseen) + " ln, share " +
+                        number("%.3f", material.share));
+  }
+  for (const TwoShotComparison& comparison : fit.comparisons) {
+    context.console.say(comparison.file + (comparison.holdout ? " (held out)" : "") + ": relative RMS " +
+                        number("%.4f", comparison.rms) + ", noise " + number("%.4f", comparison.noiseFloor));
+  }
+}
+
+}  // namespace
+
+int runTwoShotFit(const std::string& bundle, const std::string& out, const TwoShotArguments& arguments,
+                  Context& context) {
+  TwoShotFitOptions options;
+  options.rowsPerShot = arguments.rowsPerShot;
+  options.noiseWeights = !arguments.noNoiseWeights;
+  options.basisFile = arguments.basis;
+  if (arguments.eta == "auto") {
+    options.chooseEta = true;
+  } else {
+    const auto eta = parseNumber<double>(arguments.eta);
+    if (!eta)
+      return context.misuse("--eta " + inQuotes(arguments.eta) + " is not a number. Try: 40, or auto.");
+    options.eta = *eta;
+  }
+  if (arguments.clusters == "auto") {
+    options.clusters = 0;
+  } else {
+    const auto clusters = parseNumber<int>(arguments.clusters);
+    if (!clusters || *clusters < 1)
+      return context.misuse("--clusters " + inQuotes(arguments.clusters) +
+                            " is not a number of materials. Try: 2, or auto.");
+    options.clusters = *clusters;
+  }
+  const std::vector<std::string> problems = options.validate();
+  if (!problems.empty()) {
+    std::string sentence;
+    for (const std::string& problem : problems) sentence += (sentence.empty() ? "" : "; ") + problem;
+    return context.misuse(sentence + ". Try: patina-cli fit --help.");
+  }
+
+  const JobContext job = context.job();
+  Result<TwoShotCapture> capture = readTwoShotCapture(bundle, job);
+  if (!capture) return context.fail(capture.error());
+  if (isInside(out, capture->folder)) return refuseInside(out, capture->folder, context);
+  if (Status writable = checkWritable(out); !writable) return context.fail(writable.error());
+  Result<BasisPtr> basis = basisFor(arguments.basis, job);
+  if (!basis) return context.fail(basis.error());
+
+  Result<std::shared_ptr<const TwoShotFit>> fit = fitTwoShot(*capture, *basis, options, job);
+  if (!fit) return context.fail(fit.error());
+  // A cancelled fit is kept as far as it came, so its pictures must not stop half way.
+  JobContext pictures = job;
+  if ((*fit)->stats.cancelled) pictures.stop = {};
+  Status written = writeTwoShotFit(
+      out, **fit, [&](const fs::path& folder) { return writePictures(folder, **fit, pictures); });
+  if (!written) return context.fail(written.error());
+  context.console.finishProgress();
+  printTwoShotSummary(**fit, context);
+  context.console.say("The BRDF is in " + (fs::path(out) / "brdf.binary").string() +
+                      ", pictures in sphere.png and comparison.png, numbers in " +
+                      (fs::path(out) / "fit.json").string() + ".");
+  if (context.common.stats) printTwoShotStats(**fit, context);
+  if (!(*fit)->stats.cancelled) return kDone;
+  context.console.complain("Cancelled: what was reconstructed until then is kept, and fit.json says so.");
+  return kCancelled;
+}
+
+}  // namespace patina::cli
