@@ -2,7 +2,18 @@
 
 #include <cblas.h>
 
+#include <algorithm>
 #include <stdexcept>
+#include <vector>
+
+// LAPACK's own interface: every argument by address, matrices column-major and overwritten.
+extern "C" {
+void dsyevd_(const char* job, const char* triangle, const int* n, double* a, const int* rows, double* values,
+             double* work, const int* workSize, int* intWork, const int* intWorkSize, int* info);
+void dgesdd_(const char* job, const int* m, const int* n, double* a, const int* rows, double* values,
+             double* u, const int* uRows, double* v, const int* vRows, double* work, const int* workSize,
+             int* intWork, int* info);
+}
 
 namespace patina {
 namespace {
@@ -77,6 +88,47 @@ void addGramOfColumns(const Eigen::MatrixXd& a, Eigen::MatrixXd& sum) {
   if (a.rows() == 0 || a.cols() == 0) return;
   cblas_dsyrk(CblasColMajor, CblasLower, CblasTrans, static_cast<int>(a.cols()), static_cast<int>(a.rows()),
               1.0, a.data(), static_cast<int>(a.rows()), 1.0, sum.data(), static_cast<int>(sum.rows()));
+}
+
+SymmetricEigen eigenOfSymmetric(const Eigen::MatrixXd& a, bool withVectors) {
+  useOneThread();
+  require(a.rows() == a.cols(), "eigenOfSymmetric: the matrix is not square");
+  SymmetricEigen eigen{Eigen::VectorXd(a.rows()), a};
+  if (a.rows() > 0) {
+    const int n = static_cast<int>(a.rows()), ask = -1;
+    const char* job = withVectors ? "V" : "N";
+    int info = 0, intSize = 0;
+    double size = 0;
+    dsyevd_(job, "L", &n, eigen.vectors.data(), &n, eigen.values.data(), &size, &ask, &intSize, &ask, &info);
+    std::vector<double> work(static_cast<std::size_t>(size));
+    std::vector<int> intWork(static_cast<std::size_t>(intSize));
+    const int workSize = static_cast<int>(work.size());
+    dsyevd_(job, "L", &n, eigen.vectors.data(), &n, eigen.values.data(), work.data(), &workSize,
+            intWork.data(), &intSize, &info);
+    // Only for a matrix that is not finite.
+    if (info != 0) throw std::runtime_error("eigenOfSymmetric: no convergence");
+  }
+  if (!withVectors) eigen.vectors.resize(0, 0);
+  return eigen;
+}
+
+Eigen::VectorXd singularValues(const Eigen::MatrixXd& a) {
+  useOneThread();
+  Eigen::VectorXd values(std::min(a.rows(), a.cols()));
+  if (values.size() == 0) return values;
+  Eigen::MatrixXd copy = a;
+  const int m = static_cast<int>(a.rows()), n = static_cast<int>(a.cols()), one = 1, ask = -1;
+  std::vector<int> intWork(8 * static_cast<std::size_t>(values.size()));
+  int info = 0;
+  double size = 0;
+  dgesdd_("N", &m, &n, copy.data(), &m, values.data(), nullptr, &one, nullptr, &one, &size, &ask,
+          intWork.data(), &info);
+  std::vector<double> work(static_cast<std::size_t>(size));
+  const int workSize = static_cast<int>(work.size());
+  dgesdd_("N", &m, &n, copy.data(), &m, values.data(), nullptr, &one, nullptr, &one, work.data(), &workSize,
+          intWork.data(), &info);
+  if (info != 0) throw std::runtime_error("singularValues: no convergence");
+  return values;
 }
 
 void multiply(const RowMajorMatrixXf& a, const RowMajorMatrixXf& b, RowMajorMatrixXf& out) {

@@ -4,7 +4,6 @@
 #include <tbb/parallel_for.h>
 #include <unistd.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -304,9 +303,9 @@ class Builder {
   // Eigenvectors of the Gram matrix: its columns' coefficients.
   Status decompose() {
     const Index m = columns();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(gram_.selfadjointView<Eigen::Lower>());
-    const Eigen::VectorXd values = eigen.eigenvalues().reverse().cwiseMax(0);
-    const MatrixXd vectors = eigen.eigenvectors().rowwise().reverse();
+    const SymmetricEigen eigen = eigenOfSymmetric(gram_);
+    const Eigen::VectorXd values = eigen.values.reverse().cwiseMax(0);
+    const MatrixXd vectors = eigen.vectors.rowwise().reverse();
     // The mean was taken out, so one value is zero to rounding; below 1e-7 of the first nothing but rounding
     // is left (1e-14 of the Gram matrix).
     Index k = 0;

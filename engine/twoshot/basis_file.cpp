@@ -5,8 +5,6 @@
 #include <tbb/parallel_for.h>
 #include <unistd.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -88,8 +86,8 @@ class BasisFile : public Basis {
     gram_[1] = Eigen::Map<const MatrixXd>(mapping_->at<double>(layout.trustedGram), k, k);
     // The trusted region leaves some components almost unseen: their eigenvalues may come out a rounding
     // below 0.
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(gram_[1]);
-    root_[1] = eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
+    const SymmetricEigen eigen = eigenOfSymmetric(gram_[1]);
+    root_[1] = eigen.values.cwiseMax(0).cwiseSqrt().asDiagonal() * eigen.vectors.transpose();
     scales_ = mapping_->at<float>(layout.scales);
     cells_ = mapping_->at<std::uint32_t>(layout.cells);
     mean_ = mapping_->at<float>(layout.mean);
@@ -253,9 +251,8 @@ std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, 
   // q^T B^T W B q = |root(W) B q|^2.
   MatrixXd reduced(0, k);
   if (w.rows() > 0) {
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(w);
-    reduced = eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
-              product(eigen.eigenvectors(), true, b, false);
+    const SymmetricEigen eigen = eigenOfSymmetric(w);
+    reduced = eigen.values.cwiseMax(0).cwiseSqrt().asDiagonal() * product(eigen.vectors, true, b, false);
   }
   const RowMajorMatrixXf turned =
       (scales().asDiagonal() * reduced.transpose().cast<float>()).eval();  // k x r

@@ -1,7 +1,7 @@
 #include "engine/twoshot/basis_subset.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/SVD>
+#include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <stdexcept>
@@ -36,14 +36,19 @@ class SubsetBasis : public Basis {
     columns.colwise() -= shift_;
     // Q D = V (Sigma D) = (V U) S W^T: the others' own decomposition, with Q' = Q Sigma^-1 U S.
     const VectorXd& sigma = whole_->singularValues();
-    const Eigen::BDCSVD<MatrixXd> svd(sigma.asDiagonal() * columns,
-                                      Eigen::ComputeThinU | Eigen::ComputeThinV);
+    const MatrixXd turned = sigma.asDiagonal() * columns;
+    // By the smaller Gram matrix, whose rounding (1e-16 of the largest value's square) leaves seven digits of
+    // the smallest singular value that a file keeps.
+    const SymmetricEigen eigen = eigenOfSymmetric(gramOfColumns(turned));
+    const VectorXd values = eigen.values.reverse();
     Index k = 0;
-    // What is below 1e-9 of the first is the mean that was taken out, to rounding.
-    while (k < svd.singularValues().size() && svd.singularValues()[k] > 1e-9 * svd.singularValues()[0]) ++k;
-    singular_ = svd.singularValues().head(k);
-    coefficients_ = svd.matrixV().leftCols(k).transpose();
-    turn_ = sigma.cwiseInverse().asDiagonal() * svd.matrixU().leftCols(k) * singular_.asDiagonal();
+    // The mean was taken out: one value is zero to rounding.
+    while (k < std::min<Index>(values.size() - 1, turned.rows()) && values[k] > 1e-14 * values[0]) ++k;
+    singular_ = values.head(k).cwiseSqrt();
+    const MatrixXd v = eigen.vectors.rowwise().reverse().leftCols(k);
+    coefficients_ = v.transpose();
+    // U S = (Sigma D) W.
+    turn_ = sigma.cwiseInverse().asDiagonal() * product(turned, false, v, false);
     gram_[0] = singular_.array().square().matrix().asDiagonal();
     root_[0] = singular_.asDiagonal();
     root_[1] = product(whole_->gramRoot(BasisRegion::Trusted), false, turn_, false);
@@ -84,12 +89,12 @@ class SubsetBasis : public Basis {
     const MatrixXd turned = product(b, false, turn_, true);  // B T^T
     MatrixXd missing = MatrixXd::Identity(turn_.rows(), turn_.rows()) - product(turn_, false, turn_, true);
     if (b.rows() > 0) missing += turned.transpose() * w * turned;
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(missing);
+    const SymmetricEigen eigen = eigenOfSymmetric(missing);
     Index small = 0;
-    while (small < missing.rows() && eigen.eigenvalues()[small] < 1e-9) ++small;
+    while (small < missing.rows() && eigen.values[small] < 1e-9) ++small;
     const Index rank = missing.rows() - small;
-    const MatrixXd directions = eigen.eigenvectors().rightCols(rank).transpose();
-    const MatrixXd weights = eigen.eigenvalues().tail(rank).asDiagonal();
+    const MatrixXd directions = eigen.vectors.rightCols(rank).transpose();
+    const MatrixXd weights = eigen.values.tail(rank).asDiagonal();
     return whole_->posteriorSd(directions, weights, scale);
   }
 

@@ -1,7 +1,6 @@
 #include "engine/twoshot/metric.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -169,7 +168,7 @@ ExpectedError ErrorMetric::expect(const RowFactor& rows, const VectorXd& rowSum)
 
 double conditionNumber(const MatrixXd& rows) {
   if (rows.size() == 0) return std::numeric_limits<double>::infinity();
-  const VectorXd values = Eigen::BDCSVD<MatrixXd>(rows).singularValues();
+  const VectorXd values = singularValues(rows);
   const double largest = values(0), smallest = values(values.size() - 1);
   // Below the rounding of the decomposition a singular value says nothing.
   const double rounding = largest * 1e-15 * static_cast<double>(std::max(rows.rows(), rows.cols()));

@@ -17,6 +17,7 @@
 #include "engine/base/job.h"
 #include "engine/capture/capture.h"
 #include "engine/fourier/fit.h"
+#include "tests/results/page_part.h"
 #include "tests/results/truth_compare.h"
 #include "tests/test_data.h"
 
@@ -85,34 +86,6 @@ std::string number(double value, int digits) {
 }
 
 // Processor and memory, without anything that names this machine.
-std::string machineDescription(int threads) {
-  std::string processor = "unknown processor";
-  std::ifstream cpuinfo("/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);) {
-    if (line.starts_with("model name")) {
-      processor = line.substr(line.find(':') + 2);
-      break;
-    }
-  }
-  double memoryGb = 0;
-  std::ifstream meminfo("/proc/meminfo");
-  std::string key;
-  if (meminfo >> key >> memoryGb) memoryGb /= 1024.0 * 1024.0;
-  utsname kernel{};
-  ::uname(&kernel);
-  std::ostringstream text;
-  text << processor << ", " << threads << (threads == 1 ? " thread" : " threads") << ", "
-       << number(memoryGb, 0) << " GiB, " << kernel.sysname << " " << kernel.machine << ", GCC "
-#ifdef __GNUC__
-       << __GNUC__ << "." << __GNUC_MINOR__
-#endif
-#ifdef NDEBUG
-       << ", release build";
-#else
-       << ", build with assertions";
-#endif
-  return text.str();
-}
 
 void writeFits(std::ostream& out, const std::vector<Row>& rows) {
   out << "## Every bundle\n\n"
@@ -300,8 +273,7 @@ int run(int argc, char** argv) {
   writeStages(page, rows);
 
   fs::create_directories(fs::absolute(out).parent_path(), failure);
-  std::ofstream file(out);
-  if (!(file << page.str() << std::flush)) {
+  if (!replacePagePart(out, "fourier", page.str())) {
     std::cerr << "The results could not be written (" << out.string() << "). Try: another --out\n";
     return 3;
   }
