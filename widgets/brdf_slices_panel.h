@@ -3,6 +3,7 @@
 #include <QWidget>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "engine/brdf/half_diff.h"
@@ -55,8 +56,11 @@ class BrdfSlicesPanel : public QWidget {
   void resizeEvent(QResizeEvent* event) override;
 
  private:
+  void refresh();
   void refreshCurves();
-  void refreshPicture();
+  void readOut(const std::optional<HalfDiffAngles>& angles);
+  void showCurveThrough(double thetaDDeg);
+  std::vector<double> shownThetaDs() const;
   void save();
 
   std::shared_ptr<const TabulatedBrdf> brdf_, reference_;
@@ -69,10 +73,11 @@ class BrdfSlicesPanel : public QWidget {
   SlicePicture* picture_;
   QBoxLayout* body_;
   QComboBox *channel_, *look_;
-  QCheckBox* certainty_;
+  QCheckBox *certainty_, *dots_;
   std::vector<QToolButton*> thetaD_;
   QToolButton* save_;
   QLabel* readout_;
+  double pickedThetaDDeg_ = -1;
   std::function<QString()> chooseFile_;
 };
 

@@ -8,17 +8,18 @@
 #include <vector>
 
 #include "engine/brdf/tabulated_brdf.h"
+#include "engine/render/environment.h"
 
 class QCheckBox;
 class QComboBox;
 class QDoubleSpinBox;
+class QLabel;
 class QToolButton;
 
 namespace patina {
 
 class BrdfSphereCanvas;
 class CertaintyBar;
-class ElidedLabel;
 
 /// A sphere of a measured material in a room of one's choice and under a small light, drawn by VTK, with its
 /// controls. The engine makes the picture on a thread of its own, coarse first, then finer; the window's
@@ -75,14 +76,13 @@ class BrdfSphereViewport : public QWidget {
   /// The finest picture of what is set is on the screen.
   void rendered();
 
- protected:
-  void resizeEvent(QResizeEvent* event) override;
-
  private:
   void refresh();
   void chooseEnvironment(int index);
   void chooseLightColour();
-  void paintSwatch();
+  void applyLight();
+  void applyLook();
+  void say(const QString& sentence);
 
   BrdfSphereCanvas* canvas_;
   CertaintyBar* bar_;
@@ -90,10 +90,12 @@ class BrdfSphereViewport : public QWidget {
   QCheckBox *light_, *overlay_, *surround_;
   QDoubleSpinBox *strength_, *exposure_;
   QToolButton *swatch_, *reset_;
-  ElidedLabel* message_;
+  QLabel* message_;
+  QWidget* controls_;
   QColor lightColour_ = Qt::white;
   std::function<QString()> chooseFile_;
-  int lastEnvironment_ = 0;
+  QString shownEnvironment_;
+  EnvironmentPtr opened_;
   bool hasMaterial_ = false, hasCertainty_ = false;
 };
 

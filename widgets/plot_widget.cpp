@@ -89,6 +89,10 @@ void PlotWidget::setLegend(std::optional<Qt::Corner> corner) {
   update();
 }
 
+void PlotWidget::setReadout(std::function<QString(const PlotSeries&, const QPointF&)> readout) {
+  readout_ = std::move(readout);
+}
+
 void PlotWidget::clear() {
   series_.clear();
   guides_.clear();
@@ -147,7 +151,9 @@ void PlotWidget::paintEvent(QPaintEvent*) {
       QString across = readable(value->x());
       for (const auto& [tick, name] : horizontal_.ticks)  // a tick's name may differ from its place
         if (tick == value->x()) across = name;
-      const QString text = of->name + QStringLiteral("  (%1, %2)").arg(across, readable(value->y()));
+      const QString text = readout_
+                               ? readout_(*of, *value)
+                               : of->name + QStringLiteral("  (%1, %2)").arg(across, readable(value->y()));
       const QFontMetricsF metrics(painter.font());
       QRectF box(0, 0, metrics.horizontalAdvance(text) + 12, metrics.height() + 6);
       box.moveCenter(at - QPointF(0, metrics.height() + 8));
@@ -206,6 +212,22 @@ void PlotWidget::paintAxes(QPainter& painter, const QRectF& area) {
 
 void PlotWidget::paintSeries(QPainter& painter, const PlotSeries& series) {
   using Mark = PlotSeries::Mark;
+  if (series.mark == Mark::Band) {
+    QPolygonF outline;
+    const double far = 4 * height();
+    for (const QPointF& point : series.points) {
+      if (!std::isfinite(point.y())) continue;
+      QPointF at = place(point);
+      at.setY(std::clamp(at.y(), -far, far));
+      outline << at;
+    }
+    QColor fill = series.colour;
+    fill.setAlpha(44);
+    painter.setPen(Qt::NoPen);
+    painter.setBrush(fill);
+    painter.drawPolygon(outline);
+    return;
+  }
   if (series.mark == Mark::Dots || series.mark == Mark::HollowDots) {
     const bool hollow = series.mark == Mark::HollowDots;
     painter.setPen(QPen(hollow ? series.colour : QColor(20, 20, 20), hollow ? 1.5 : 0.8));
@@ -280,7 +302,7 @@ std::optional<QPointF> PlotWidget::nearest(const QPointF& cursor, const PlotSeri
   double bestDistance = 14;
   for (const PlotSeries& series : series_)
     for (const QPointF& point : series.points) {
-      if (!std::isfinite(point.y())) continue;
+      if (series.mark == PlotSeries::Mark::Band || !std::isfinite(point.y())) continue;
       const QPointF away = place(point) - cursor;
       // Dots win over the lines that run through them.
       const bool dots = series.mark == PlotSeries::Mark::Dots || series.mark == PlotSeries::Mark::HollowDots;

@@ -3,6 +3,7 @@
 #include <QColor>
 #include <QString>
 #include <QWidget>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -10,7 +11,15 @@ namespace patina {
 
 /// One set of points in a plot. A point with a NaN breaks a line.
 struct PlotSeries {
-  enum class Mark { Line, DashedLine, DottedLine, Dots, HollowDots };
+  enum class Mark {
+    Line,
+    DashedLine,
+    DottedLine,
+    Dots,
+    HollowDots,
+    Band,  ///< an area, translucent: its upper edge from left to right, then its lower edge back; not read
+           ///< out
+  };
   QString name;  ///< in the legend; empty: not listed
   QColor colour;
   Mark mark = Mark::Line;
@@ -40,6 +49,8 @@ class PlotWidget : public QWidget {
   void setEmptyText(const QString& text);
   /// Where the legend stands; none hides it.
   void setLegend(std::optional<Qt::Corner> corner);
+  /// What the bubble at a point says; none: its series' name and its two values.
+  void setReadout(std::function<QString(const PlotSeries&, const QPointF&)> readout);
   void clear();
   const std::vector<PlotSeries>& series() const { return series_; }
   const PlotAxis& horizontalAxis() const { return horizontal_; }
@@ -68,6 +79,7 @@ class PlotWidget : public QWidget {
   QString emptyText_;
   std::optional<Qt::Corner> legend_ = Qt::TopRightCorner;
   std::optional<QPointF> cursor_;
+  std::function<QString(const PlotSeries&, const QPointF&)> readout_;
 };
 
 }  // namespace patina
