@@ -1,3 +1,6 @@
+#include <sys/resource.h>
+
+#include <chrono>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
@@ -74,6 +77,13 @@ void sayInfo(const Brdf& brdf, const BrdfSummary& summary, Context& context) {
     }
     say(format("albedo %g deg", albedo.lightDeg).c_str(), text);
   }
+  for (const BrdfSummary::Albedo& albedo : summary.albedo) {
+    constexpr double kBeyondDoubt = 1.02;  // the quadrature errs by less
+    if (!(albedo.value.maxCoeff() > kBeyondDoubt)) continue;
+    say("warning",
+        format("more light leaves than arrives at %g degrees: a wrong scale, or errors of the measurement",
+               albedo.lightDeg));
+  }
   say("reciprocity",
       format("RMS %.4f ln between a direction pair and its reverse", summary.reciprocityLogRms));
   say("range", format("%.3g to %.3g 1/sr", summary.least.minCoeff(), summary.largest.maxCoeff()));
@@ -96,6 +106,19 @@ ordered_json infoJson(const Brdf& brdf, const BrdfSummary& summary) {
   json["least_per_sr"] = triple(summary.least);
   json["largest_per_sr"] = triple(summary.largest);
   return json;
+}
+
+/// --stats. Beside JSON nothing else may stand on stdout.
+void sayStats(const BrdfArguments& arguments, std::chrono::steady_clock::duration took, Context& context) {
+  struct rusage usage {};
+  ::getrusage(RUSAGE_SELF, &usage);
+  const std::string line = format("%.2f s, peak memory %.0f MiB", std::chrono::duration<double>(took).count(),
+                                  usage.ru_maxrss / 1024.0);
+  if (arguments.json) {
+    context.console.complain(line);
+  } else {
+    context.console.say(line);
+  }
 }
 
 int runInfo(const BrdfArguments& arguments, Context& context) {
@@ -134,7 +157,7 @@ int runConvert(const BrdfArguments& arguments, Context& context) {
     Result<std::shared_ptr<const TabulatedBrdf>> sampled =
         tabulate(**brdf, context.job(), arguments.azimuths);
     if (!sampled) return context.fail(sampled.error());
-    table = *sampled;
+    table = madeReciprocal(**sampled);
   }
   context.console.finishProgress();
   const Status written = writeMerl(arguments.out, *table);
@@ -145,6 +168,8 @@ int runConvert(const BrdfArguments& arguments, Context& context) {
                 " azimuths: the format has no anisotropy, and turning the sample is lost";
   }
   context.console.say(sentence + ".");
+  const std::string& note = table->origin().note;
+  if (note != (*brdf)->origin().note) context.console.say("Note: " + note + ".");
   return kDone;
 }
 
@@ -227,7 +252,12 @@ void addBrdfVerb(CLI::App& program, Context& context) {
     CLI::App* action = verb->add_subcommand(name, does);
     action->set_help_flag("-h,--help", "Print this help");
     action->callback([&context, arguments, run] {
-      context.run = [&context, arguments, run] { return run(*arguments, context); };
+      context.run = [&context, arguments, run] {
+        const auto start = std::chrono::steady_clock::now();
+        const int status = run(*arguments, context);
+        if (context.common.stats) sayStats(*arguments, std::chrono::steady_clock::now() - start, context);
+        return status;
+      };
     });
     return action;
   };
@@ -263,7 +293,10 @@ void addBrdfVerb(CLI::App& program, Context& context) {
           "Azimuths of the half-vector that an anisotropic BRDF is averaged over, 1 to 720 [default: 16]")
       ->check(CLI::Range(1, 720))
       ->option_text("N");
-  convert->footer("Cells that no pair of directions reaches or that aren't known become -1.");
+  convert->footer(
+      "Cells that no pair of directions reaches or that aren't known become -1. The format is reciprocal: a "
+      "BRDF that\n"
+      "isn't quite is averaged over swapping light and view. A MERL file is written as it was read.");
   addCommonOptions(*convert, context);
 
   CLI::App* compare = sub("compare", "How far BRDFs are from the first one", runCompare);

@@ -9,8 +9,6 @@
 #include "engine/base/file.h"
 #include "engine/base/text.h"
 #include "engine/brdf/alta_file.h"
-#include "engine/brdf/analytic_brdf.h"
-#include "engine/brdf/neural_brdf.h"
 #include "engine/brdf/rgl_file.h"
 #include "engine/brdf/tabulated_brdf.h"
 
@@ -57,23 +55,6 @@ Result<BrdfPtr> readBrdf(const std::filesystem::path& file) {
   Result<std::string> bytes = readFile(file, kMostBytes);
   if (!bytes) return bytes.error();
   return readBrdfBytes(*bytes, file.string());
-}
-
-Result<BrdfPtr> openBrdf(const std::string& source) {
-  constexpr std::string_view kAnalytic = "analytic:", kBuiltIn = "built-in:";
-  if (source.starts_with(kAnalytic)) {
-    return parseAnalyticBrdf(std::string_view(source).substr(kAnalytic.size()));
-  }
-  if (!source.starts_with(kBuiltIn)) return readBrdf(source);
-  const std::string name = source.substr(kBuiltIn.size());
-  for (const BrdfPtr& brdf : builtInNeuralBrdfs()) {
-    if (brdf->origin().name == name) return brdf;
-  }
-  const std::string nearest = nearestWord(name, builtInNeuralNames());
-  return Error{ErrorCode::Unsupported, inQuotes(name) + " is no built-in material", "",
-               nearest.empty()
-                   ? "a name of the MERL database, such as built-in:" + builtInNeuralNames().front()
-                   : std::string(kBuiltIn) + nearest};
 }
 
 Result<std::vector<std::filesystem::path>> listBrdfFiles(const std::filesystem::path& folder) {

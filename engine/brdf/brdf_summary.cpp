@@ -271,7 +271,9 @@ Result<BrdfSummary> summariseBrdf(const Brdf& brdf, const JobContext& job) {
   summary.least = any ? sum.least : Eigen::Array3d::Constant(kNan);
   summary.largest = any ? sum.largest : Eigen::Array3d::Constant(kNan);
   constexpr double kLightsDeg[] = {0, 45, 75};
-  for (int i = 0; i < 3; ++i) summary.albedo[i] = albedoAt(brdf, kLightsDeg[i], job);
+  JobContext quiet = job;  // a fraction of a second, and the stage above has told it all
+  quiet.progressSink = nullptr;
+  for (int i = 0; i < 3; ++i) summary.albedo[i] = albedoAt(brdf, kLightsDeg[i], quiet);
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "the measurement was not finished", "", ""};
   return summary;
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 #include <stdexcept>
@@ -141,6 +142,36 @@ Result<std::shared_ptr<const TabulatedBrdf>> tabulate(const Brdf& brdf, const Jo
   }
   return std::shared_ptr<const TabulatedBrdf>(
       std::make_shared<TabulatedBrdf>(std::move(planes), std::move(origin)));
+}
+
+std::shared_ptr<const TabulatedBrdf> madeReciprocal(const TabulatedBrdf& table) {
+  TabulatedBrdf::Planes planes = table.planes();
+  double squares = 0;
+  std::size_t compared = 0;
+  for (std::size_t cell = 0; cell < MerlGrid::kCells; ++cell) {
+    const std::size_t phiD = cell % MerlGrid::kPhiD;
+    const std::size_t other = cell - phiD + (MerlGrid::kPhiD - 1 - phiD);
+    if (!table.valid(other)) continue;
+    for (int channel = 0; channel < 3; ++channel) {
+      const double here = table.planes()[channel][cell], there = table.planes()[channel][other];
+      planes[channel][cell] = table.valid(cell) ? (here + there) / 2 : there;
+      if (!table.valid(cell)) continue;
+      constexpr double kBlack = 1e-3;  // 1/sr; differences of blacker cells don't matter
+      const double difference = std::log((here + kBlack) / (there + kBlack));
+      squares += difference * difference;
+      ++compared;
+    }
+  }
+  BrdfOrigin origin = table.origin();
+  const double rms = compared > 0 ? std::sqrt(squares / compared) : 0;
+  constexpr double kWorthSaying = 0.005;  // below, rounding and interpolation
+  if (rms > kWorthSaying) {
+    char text[96];
+    std::snprintf(text, sizeof text, "light and view averaged, which differed by %.3f ln (RMS over cells)",
+                  rms);
+    origin.note += (origin.note.empty() ? "" : "; ") + std::string(text);
+  }
+  return std::make_shared<TabulatedBrdf>(std::move(planes), std::move(origin));
 }
 
 }  // namespace patina

@@ -54,6 +54,12 @@ class TabulatedBrdf : public Brdf {
 Result<std::shared_ptr<const TabulatedBrdf>> tabulate(const Brdf& brdf, const JobContext& job = {},
                                                       int azimuths = 16);
 
+/// The table with every cell averaged with the one at pi - phiD: light and view swapped, and mirrored. For
+/// an isotropic reciprocal surface without handedness both are the same; measured ones that are not
+/// reciprocal would otherwise show a seam where phiD starts over, because the format can't hold two answers.
+/// Where only one of the two is known, that one. How far they were apart is added to the origin's note.
+std::shared_ptr<const TabulatedBrdf> madeReciprocal(const TabulatedBrdf& table);
+
 /// Reads a MERL `.binary`: three 32-bit sizes (90, 90, 180), then planes R, G, B of doubles, to be multiplied
 /// by 1/1500, 1.15/1500 and 1.66/1500. Negative cells stay negative. Errors: NotFound; Malformed (other
 /// sizes, truncated or longer, NaN or infinite: the cell is named).

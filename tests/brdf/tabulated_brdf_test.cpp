@@ -227,6 +227,22 @@ TEST(Tabulate, AveragesAnAnisotropicSurfaceAndSaysSo) {
   EXPECT_THAT((*plain)->origin().note, Not(HasSubstr("averaged")));
 }
 
+TEST(MadeReciprocal, AveragesTheTwoAnswersAndSaysHowFarApartTheyWere) {
+  // Left of phiD 90 degrees twice as bright as right of it; one cell unknown.
+  const std::size_t hole = MerlGrid::cell(5, 5, 20);
+  const TabulatedBrdf table(
+      planesOf([&](std::size_t cell) { return cell == hole      ? -1.0
+                                              : cell % 180 < 90 ? 2.0
+                                                                : 1.0; }), {});
+  const auto reciprocal = madeReciprocal(table);
+  EXPECT_EQ(reciprocal->planes()[0][MerlGrid::cell(1, 2, 3)], 1.5);
+  EXPECT_EQ(reciprocal->planes()[0][MerlGrid::cell(1, 2, 176)], 1.5);
+  EXPECT_EQ(reciprocal->planes()[2][hole], 1.0) << "the one that is known";
+  EXPECT_THAT(reciprocal->origin().note, HasSubstr("0.693 ln"));
+  const TabulatedBrdf even(planesOf([](std::size_t) { return 2.0; }), {});
+  EXPECT_EQ(madeReciprocal(even)->origin().note, "");
+}
+
 TEST(Tabulate, StopsWhenAskedTo) {
   const auto brdf = parseAnalyticBrdf("lambert");
   std::stop_source source;
