@@ -118,11 +118,11 @@ BrdfSlicesPanel::BrdfSlicesPanel(QWidget* parent) : QWidget(parent) {
   flow->addWidget(certainty_);
   flow->addWidget(dots_);
   flow->addWidget(save_);
-  QSizePolicy policy(QSizePolicy::Preferred, QSizePolicy::Fixed);
+  QSizePolicy policy(QSizePolicy::Preferred, QSizePolicy::Preferred);  // as high as its lines need
   policy.setHeightForWidth(true);
   controls->setSizePolicy(policy);
 
-  body_ = new QBoxLayout(QBoxLayout::LeftToRight);
+  body_ = new QBoxLayout(QBoxLayout::TopToBottom);
   body_->setSpacing(4);
   body_->addWidget(plot_, 5);
   body_->addWidget(picture_, 4);
@@ -249,6 +249,11 @@ void BrdfSlicesPanel::refreshCurves() {
       if (channel == kAllThree) line.colour = line.colour.lighter(100 + 14 * static_cast<int>(index));
       line.mark = reference ? PlotSeries::Mark::DashedLine : PlotSeries::Mark::Line;
       line.penWidth = reference ? 1.2 : 1.7;
+      // The legend says each thing once; the bubble at a line says all of it.
+      const bool first = marks.empty() || (reference && marks.size() == 1);
+      line.legend = reference              ? (first && each == channels.front() ? referenceName_ : QString())
+                    : channel != kAllThree ? line.name
+                                           : (first ? line.name.section(' ', -1) : QString());
       area.colour = line.colour;
       area.mark = PlotSeries::Mark::Band;
       std::vector<QPointF> below;

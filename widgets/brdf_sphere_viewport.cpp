@@ -118,7 +118,7 @@ BrdfSphereViewport::BrdfSphereViewport(QWidget* parent) : QWidget(parent) {
   flow->addWidget(overlay_);
   flow->addWidget(surround_);
   flow->addWidget(reset_);
-  QSizePolicy policy(QSizePolicy::Preferred, QSizePolicy::Fixed);
+  QSizePolicy policy(QSizePolicy::Preferred, QSizePolicy::Preferred);  // as high as its lines need
   policy.setHeightForWidth(true);
   controls_->setSizePolicy(policy);
 

@@ -261,8 +261,8 @@ void PlotWidget::paintLegend(QPainter& painter, const QRectF& area) {
   double widest = 0;
   int rows = 0;
   for (const PlotSeries& series : series_)
-    if (!series.name.isEmpty()) {
-      widest = std::max(widest, metrics.horizontalAdvance(series.name));
+    if (const QString text = series.legend.value_or(series.name); !text.isEmpty()) {
+      widest = std::max(widest, metrics.horizontalAdvance(text));
       ++rows;
     }
   if (rows == 0 || rows * metrics.height() + 10 > area.height() * 0.9) return;
@@ -276,7 +276,8 @@ void PlotWidget::paintLegend(QPainter& painter, const QRectF& area) {
   painter.drawRoundedRect(box, 4, 4);
   double y = box.top() + 3 + metrics.height() / 2;
   for (const PlotSeries& series : series_) {
-    if (series.name.isEmpty()) continue;
+    const QString text = series.legend.value_or(series.name);
+    if (text.isEmpty()) continue;
     const double x0 = box.left() + 6, x1 = x0 + 20;
     if (series.mark == Mark::Dots || series.mark == Mark::HollowDots) {
       const bool hollow = series.mark == Mark::HollowDots;
@@ -292,7 +293,7 @@ void PlotWidget::paintLegend(QPainter& painter, const QRectF& area) {
     }
     painter.setPen(theme::kText);
     painter.drawText(QRectF(x1 + 6, y - metrics.height() / 2, widest + 4, metrics.height()), Qt::AlignVCenter,
-                     series.name);
+                     text);
     y += metrics.height();
   }
 }

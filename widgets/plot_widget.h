@@ -20,11 +20,12 @@ struct PlotSeries {
     Band,  ///< an area, translucent: its upper edge from left to right, then its lower edge back; not read
            ///< out
   };
-  QString name;  ///< in the legend; empty: not listed
+  QString name;  ///< at the cursor, and in the legend; empty: not listed
   QColor colour;
   Mark mark = Mark::Line;
   std::vector<QPointF> points;
   double penWidth = 1.5;
+  std::optional<QString> legend;  ///< what the legend says instead of the name; empty: not listed
 };
 
 struct PlotAxis {

@@ -219,8 +219,9 @@ void SlicePicture::paintEvent(QPaintEvent*) {
     return QPointF(area.left() + part.x() * area.width(), area.bottom() - part.y() * area.height());
   };
   painter.setPen(Qt::NoPen);
-  painter.setBrush(QColor(255, 255, 255, 170));
-  for (const QPointF& dot : measured_) painter.drawEllipse(inside(dot), 0.9, 0.9);
+  painter.setBrush(QColor(255, 255, 255, 120));
+  for (const QPointF& dot : measured_) painter.drawEllipse(inside(dot), 0.75, 0.75);
+  std::vector<QRectF> labels;
   if (contours_)
     for (const Contour& contour : contourLines_) {
       QPointF highest = inside(contour.lines.front().p1());
@@ -238,6 +239,10 @@ void SlicePicture::paintEvent(QPaintEvent*) {
       box.moveCenter(highest + QPointF(0, metrics.height() * 0.7));
       box.moveLeft(
           std::clamp(box.left(), area.left() + 2, std::max(area.left() + 2, area.right() - box.width() - 2)));
+      if (std::any_of(labels.begin(), labels.end(),
+                      [&](const QRectF& other) { return other.intersects(box); }))
+        continue;  // no room: the bar beside the certainty's own colours says it
+      labels.push_back(box);
       painter.setPen(Qt::NoPen);
       painter.setBrush(QColor(20, 20, 20, 170));
       painter.drawRoundedRect(box, 3, 3);
@@ -298,8 +303,8 @@ void SlicePicture::paintAxes(QPainter& painter, const QRectF& area) {
   painter.setPen(theme::kTextDim);
   const QString across = tr("\u03b8h, half-vector to normal");
   painter.drawText(
-      QRectF(area.left() - 30, area.bottom() + metrics.height() + 5, area.width() + 60, metrics.height()),
-      Qt::AlignCenter, metrics.elidedText(across, Qt::ElideRight, area.width() + 56));
+      QRectF(area.left() - 30, area.bottom() + metrics.height() + 5, area.width() + 30, metrics.height()),
+      Qt::AlignCenter, metrics.elidedText(across, Qt::ElideRight, area.width() + 26));
   painter.save();
   painter.translate(metrics.height() / 2 + 2, area.center().y());
   painter.rotate(-90);
@@ -347,8 +352,9 @@ void SlicePicture::paintBar(QPainter& painter) {
       tick(part, QString::number(std::pow(10.0, logLow_ + part * (logHigh_ - logLow_)), 'g', 2));
   if (!certainty) {
     painter.setPen(theme::kTextDim);
-    painter.drawText(QRectF(area.left(), area.bottom() + 4, width() - area.left(), metrics.height()),
-                     Qt::AlignLeft, tr("1/sr"));
+    painter.drawText(QRectF(area.left() - 30, area.bottom() + metrics.height() + 5,
+                            width() - area.left() + 26, metrics.height()),
+                     Qt::AlignRight, tr("1/sr"));
   }
 }
 

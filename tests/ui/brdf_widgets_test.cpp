@@ -8,15 +8,19 @@
 #include <QSignalSpy>
 #include <QTemporaryDir>
 #include <QTest>
+#include <QToolButton>
 #include <QWheelEvent>
 #include <filesystem>
 
 #include "engine/image/exr.h"
 #include "tests/render/measured_material.h"
+#include "widgets/brdf_slices_panel.h"
 #include "widgets/brdf_sphere_canvas.h"
 #include "widgets/brdf_sphere_viewport.h"
 #include "widgets/certainty_bar.h"
 #include "widgets/flow_layout.h"
+#include "widgets/plot_widget.h"
+#include "widgets/slice_picture.h"
 
 namespace patina {
 namespace {
@@ -191,7 +195,7 @@ TEST(BrdfSphereViewport, IsWorkedByKeys) {
 
 TEST(BrdfSphereViewport, TheWheelZoomsAndTheSphereGetsMorePixels) {
   SphereUnderTest under;
-  ASSERT_TRUE(QTest::qWaitFor([&] { return under.canvas().finest(); }, kPatienceMs));
+  ASSERT_TRUE(under.until(32));  // the first picture of full size
   const int before = under.canvas().sphere().width();
   const QPointF middle = under.at(0, 0);
   QWheelEvent wheel(middle, under.canvas().mapToGlobal(middle), {}, {0, 480}, Qt::NoButton, Qt::NoModifier,
@@ -268,7 +272,7 @@ TEST(BrdfSphereViewport, LooksRightAtSeveralSizes) {
       under.view.setEnvironment(id);
       under.view.setLightOn(id == std::string("window"));
       under.view.setOverlayOn(id == std::string("clear"));
-      ASSERT_TRUE(QTest::qWaitFor([&] { return under.canvas().finest(); }, kPatienceMs));
+      ASSERT_TRUE(under.until(32));
       for (QWidget* child : under.view.findChildren<QWidget*>())
         if (child->isVisible()) {
           EXPECT_TRUE(
@@ -279,6 +283,124 @@ TEST(BrdfSphereViewport, LooksRightAtSeveralSizes) {
            QStringLiteral("brdf_sphere_%1_%2x%3.png").arg(id).arg(size.width()).arg(size.height()));
     }
   }
+}
+
+struct SlicesUnderTest {
+  BrdfSlicesPanel panel;
+  explicit SlicesUnderTest(QSize size = {760, 360}, bool withMaterial = true) {
+    panel.resize(size);
+    panel.show();
+    EXPECT_TRUE(QTest::qWaitForWindowExposed(&panel));
+    if (withMaterial) panel.setMaterial(redPlastic(), someCertainty(), 0.9);
+  }
+  int count(PlotSeries::Mark mark) {
+    return static_cast<int>(std::count_if(panel.plot()->series().begin(), panel.plot()->series().end(),
+                                          [&](const PlotSeries& series) { return series.mark == mark; }));
+  }
+};
+
+TEST(BrdfSlicesPanel, ShowsCurvesWithBandsAndDashedReferences) {
+  SlicesUnderTest under;
+  EXPECT_EQ(under.count(PlotSeries::Mark::Line), 4);
+  EXPECT_EQ(under.count(PlotSeries::Mark::Band), 4);
+  under.panel.setReference(test::lambert(0.3, 0.3, 0.3), "matt");
+  EXPECT_EQ(under.count(PlotSeries::Mark::DashedLine), 4);
+  under.panel.findChild<QComboBox*>("sliceChannel")->setCurrentIndex(1);
+  EXPECT_EQ(under.count(PlotSeries::Mark::Line), 12);
+  // A curve's value is the BRDF's: green at the first thetaD, where the base and the lobe add up.
+  const auto& series = under.panel.plot()->series();
+  const auto green = std::find_if(series.begin(), series.end(), [](const PlotSeries& each) {
+    return each.mark == PlotSeries::Mark::Line && each.name.contains("5") && each.name.endsWith("G");
+  });
+  ASSERT_NE(green, series.end());
+  const Eigen::Array3d expected = redPlastic()->evaluate(
+      HalfDiffAngles{30.0 / 180 * std::numbers::pi, 5.0 / 180 * std::numbers::pi, std::numbers::pi / 2});
+  const auto near =
+      std::min_element(green->points.begin(), green->points.end(), [](const QPointF& a, const QPointF& b) {
+        const double wanted = partOfThetaH(30, ThetaHAxis::Root);
+        return std::abs(a.x() - wanted) < std::abs(b.x() - wanted);
+      });
+  EXPECT_NEAR(near->y(), expected[1], 0.02 * expected[1]);
+  under.panel.setReference(nullptr);
+  EXPECT_EQ(under.count(PlotSeries::Mark::DashedLine), 0);
+  under.panel.setMaterial(redPlastic());
+  EXPECT_EQ(under.count(PlotSeries::Mark::Band), 0);
+  under.panel.setMaterial(nullptr);
+  EXPECT_TRUE(under.panel.plot()->series().empty());
+}
+
+TEST(BrdfSlicesPanel, ReadsOutADirectionAndShowsItsCurve) {
+  SlicesUnderTest under;
+  const QPoint at = under.panel.picture()->place(20, 40).toPoint();
+  QTest::mouseMove(under.panel.picture(), at);
+  ASSERT_TRUE(QTest::qWaitFor([&] { return under.panel.readout().contains("/sr"); }, 5000));
+  const auto angles = under.panel.picture()->anglesAt(at);
+  ASSERT_TRUE(angles.has_value());
+  const Eigen::Array3d value = redPlastic()->evaluate(*angles);
+  EXPECT_TRUE(under.panel.readout().contains(QString::number(value[0], 'g', 3)))
+      << under.panel.readout().toStdString();
+  EXPECT_TRUE(under.panel.readout().contains("%"));
+  QTest::mouseClick(under.panel.picture(), Qt::LeftButton, {}, at);
+  EXPECT_EQ(under.count(PlotSeries::Mark::Line), 5);
+  auto* picked = under.panel.findChild<QToolButton*>("pickedThetaD");
+  EXPECT_TRUE(picked->isVisible());
+  EXPECT_NEAR(picked->text().chopped(1).toDouble(), 40, 1.5);
+  under.panel.picture()->setFocus(Qt::TabFocusReason);
+  QTest::keyClick(under.panel.picture(), Qt::Key_Up);
+  EXPECT_NEAR(picked->text().chopped(1).toDouble(), 41, 1.6);
+}
+
+TEST(BrdfSlicesPanel, SavesTablesAndPicturesAndSaysWhatFails) {
+  QTemporaryDir folder;
+  SlicesUnderTest under;
+  QSignalSpy saved(&under.panel, &BrdfSlicesPanel::saved), failed(&under.panel, &BrdfSlicesPanel::failed);
+  QString wanted = folder.filePath("slices.csv");
+  under.panel.setChooseFile([&] { return wanted; });
+  QToolButton* save = nullptr;
+  for (QToolButton* button : under.panel.findChildren<QToolButton*>())
+    if (button->accessibleName().contains("Save")) save = button;
+  ASSERT_NE(save, nullptr);
+  save->click();
+  EXPECT_EQ(saved.count(), 1);
+  EXPECT_GT(std::filesystem::file_size(wanted.toStdString()), 10000u);
+  wanted = folder.filePath("slice.png");
+  save->click();
+  EXPECT_EQ(saved.count(), 2);
+  EXPECT_FALSE(QImage(wanted).isNull());
+  wanted = folder.filePath("no folder/slices.csv");
+  save->click();
+  EXPECT_EQ(failed.count(), 1);
+  EXPECT_FALSE(under.panel.readout().isEmpty());
+}
+
+TEST(BrdfSlicesPanel, LooksRightAtSeveralSizes) {
+  std::vector<HalfDiffAngles> measured;
+  for (int i = 0; i < 4000; ++i) {
+    const double turn = 2.4 * i, far = std::sqrt(i / 4000.0) * 0.2;
+    measured.push_back({std::abs(0.25 + far * std::cos(turn)), 0.66 + far * std::sin(turn), 1.57});
+  }
+  int number = 0;
+  for (const QSize size : {QSize(300, 560), QSize(760, 360), QSize(1200, 460)}) {
+    SlicesUnderTest under(size);
+    under.panel.setMeasured(measured);
+    under.panel.findChild<QComboBox*>("sliceLook")->setCurrentIndex(number);
+    if (number == 2) {
+      under.panel.findChild<QComboBox*>("sliceChannel")->setCurrentIndex(1);
+      under.panel.setReference(test::glossy({0.3, 0.12, 0.08}, 0.1, 200), "reference");
+    }
+    if (number == 1) QTest::mouseMove(under.panel.picture(), under.panel.picture()->place(20, 40).toPoint());
+    QTest::qWait(50);
+    for (QWidget* child : under.panel.findChildren<QWidget*>())
+      if (child->isVisible()) {
+        EXPECT_TRUE(
+            under.panel.rect().contains(QRect(child->mapTo(&under.panel, QPoint(0, 0)), child->size())))
+            << child->metaObject()->className() << " sticks out at " << size.width();
+      }
+    keep(under.panel, QStringLiteral("brdf_slices_%1x%2.png").arg(size.width()).arg(size.height()));
+    ++number;
+  }
+  SlicesUnderTest empty({760, 360}, false);
+  keep(empty.panel, "brdf_slices_empty.png");
 }
 
 TEST(CertaintyText, SaysPerCentAndFactors) {
