@@ -105,7 +105,10 @@ PhotoNoise estimateNoise(const MaskedPhoto& photo) {
 
 Eigen::Array3d clipLevels(const MaskedPhoto& photo, double saturation, double limit) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
-  if (saturation > 0) return Eigen::Array3d::Constant(saturation);
+  // What is stored in 16 bits may be rounded by 2^-11 below the level, and a pixel that the limit cuts only
+  // in part lies a little below it too.
+  constexpr double kJustBelow = 0.995;
+  if (saturation > 0) return Eigen::Array3d::Constant(kJustBelow * saturation);
   Eigen::Array3d levels = Eigen::Array3d::Constant(kNever);
   const Image& image = *photo.image;
   const std::size_t pixels = image.pixelCount();
