@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -60,6 +61,11 @@ void describe(Plan& plan, const BasisPtr& basis, const std::vector<PictureRows>&
     rowCount += picture.scaled.rows();
   }
   plan.expected = metric.expect(stacked(), sum);
+  // Many rows: their triangular factor has the same singular values and takes far less time.
+  if (rows.rows() > 2 * rows.cols()) {
+    const Eigen::HouseholderQR<Eigen::MatrixXd> factorised(rows);
+    rows = factorised.matrixQR().topRows(rows.cols()).triangularView<Eigen::Upper>().toDenseMatrix();
+  }
   plan.conditionNumber = conditionNumber(rows);
   plan.basisName = basis->name();
   plan.materials.clear();
@@ -72,6 +78,7 @@ double poseTolerantError(const BasisPtr& basis, const std::vector<PlannedShot>& 
                          const PlanOptions& options) {
   PlanOptions tolerant = options;
   tolerant.metric = PlanMetric::ExpectedError;
+  tolerant.pointsPerShot = kFinalPoints;
   if (tolerant.poseErrorDeg <= 0) tolerant.poseErrorDeg = kUsualPoseErrorDeg;
   std::vector<IndexedShot> indexed;
   for (const PlannedShot& shot : shots)
@@ -81,23 +88,20 @@ double poseTolerantError(const BasisPtr& basis, const std::vector<PlannedShot>& 
 
 /// The order in which each picture tells most after those before it; the given ones stay first.
 void orderShots(const BasisPtr& basis, const PlanOptions& options, std::vector<ShotDirections>& shots) {
-  const ErrorMetric metric(basis, options.region, options.eta);
-  const NearFieldDisc disc{options.fovDeg, options.pointsPerShot};
-  std::vector<RowFactor> factors;
-  for (const ShotDirections& shot : shots)
-    factors.push_back(rowsOfShot(*basis, shot, disc, kSearchTolerance));
+  PlanOptions plain = options;
+  plain.metric = PlanMetric::ExpectedError;
+  const PlanObjective objective(basis, plain);
+  const auto indexed = [&](std::size_t i) { return IndexedShot{static_cast<int>(i), shots[i]}; };
+  std::vector<IndexedShot> chosen;
+  for (std::size_t i = 0; i < options.given.size(); ++i) chosen.push_back(indexed(i));
   for (std::size_t at = options.given.size(); at + 1 < shots.size(); ++at) {
+    const PlanObjective::Staying staying = objective.stay(chosen, false);
     std::vector<double> errors(shots.size());
-    tbb::parallel_for(at, shots.size(), [&](std::size_t next) {
-      std::vector<const RowFactor*> chosen;
-      for (std::size_t i = 0; i < at; ++i) chosen.push_back(&factors[i]);
-      chosen.push_back(&factors[next]);
-      errors[next] = metric.training(stack(chosen));
-    });
+    tbb::parallel_for(at, shots.size(),
+                      [&](std::size_t next) { errors[next] = objective.value(staying, {indexed(next)}); });
     const auto best = std::min_element(errors.begin() + static_cast<std::ptrdiff_t>(at), errors.end());
-    const auto index = best - errors.begin();
-    std::swap(shots[at], shots[static_cast<std::size_t>(index)]);
-    std::swap(factors[at], factors[static_cast<std::size_t>(index)]);
+    std::swap(shots[at], shots[static_cast<std::size_t>(best - errors.begin())]);
+    chosen.push_back(indexed(at));
   }
 }
 
@@ -168,7 +172,7 @@ Result<Plan> planDirections(const BasisPtr& basis, const PlanOptions& options, c
   std::vector<ShotDirections> shots = options.given;
   shots.insert(shots.end(), best->shots.begin(), best->shots.end());
   arena.execute([&] {
-    orderShots(basis, options, shots);
+    if (!job.cancelled()) orderShots(basis, options, shots);
     Plan expectation =
         expectationOf(basis, shots, {options.fovDeg, kFinalPoints}, options.region, options.eta);
     expectation.restartErrors = std::move(plan.restartErrors);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 
-constexpr double kWidth = 920, kPanelHeight = 300, kHeaderHeight = 84;
+constexpr double kWidth = 960, kPanelHeight = 300, kHeaderHeight = 98;
 constexpr double kReach = 150;  // of camera and light from the sample's centre, in the drawing
 constexpr const char* kCamera = "#1b5e9e";
 constexpr const char* kLight = "#b8650a";
@@ -28,6 +28,20 @@ std::string text(const char* format, ...) {
   std::vsnprintf(buffer, sizeof buffer, format, arguments);
   va_end(arguments);
   return buffer;
+}
+
+/// The words in lines that fit the drawing.
+std::vector<std::string> wrapped(const std::string& words) {
+  constexpr std::size_t kMostBytes = 118;  // of 13 px type in the drawing's width
+  std::vector<std::string> lines(1);
+  for (std::size_t at = 0; at < words.size();) {
+    const std::size_t end = std::min(words.find(' ', at), words.size());
+    if (!lines.back().empty() && lines.back().size() + 1 + end - at > kMostBytes) lines.emplace_back();
+    if (!lines.back().empty()) lines.back() += ' ';
+    lines.back() += words.substr(at, end - at);
+    at = end + 1;
+  }
+  return lines;
 }
 
 std::string escaped(const std::string& words) {
@@ -83,8 +97,9 @@ double thetaDeg(const Eigen::Vector3d& to) {
   return std::acos(std::clamp(to.z(), -1.0, 1.0)) * kDegrees;
 }
 double azimuthDeg(const Eigen::Vector3d& to) {
-  // Straight above there is no azimuth; rounding must not invent one.
-  return std::hypot(to.x(), to.y()) < 1e-9 ? 0 : std::atan2(to.y(), to.x()) * kDegrees;
+  // Straight above there is no azimuth; rounding must not invent one, nor a "-0.0".
+  const double azimuth = std::hypot(to.x(), to.y()) < 1e-9 ? 0 : std::atan2(to.y(), to.x()) * kDegrees;
+  return std::abs(azimuth) < 0.05 ? 0 : azimuth;
 }
 
 /// Camera and light each turned into the plane of the drawing: the light on the camera's side where its
@@ -108,7 +123,7 @@ std::string sideView(const ShotDirections& shot, double fovDeg, At centre) {
                 place(std::abs(t), tick < 0 ? -1 : 1, kReach + 4), kFaint, 1);
   }
   out += line(centre, {centre.x, centre.y - kReach - 14}, kFaint, 1, "stroke-dasharray=\"5 4\"");
-  out += label({centre.x, centre.y - kReach - 20}, "normal", kFaint, 12, "middle");
+  out += label({centre.x - 4, centre.y - kReach + 14}, "normal", kFaint, 11, "end");
 
   const double radius = kReach * std::tan(fovDeg / kDegrees / 2);
   const At camera = place(cameraTheta, cameraSide, kReach), light = place(lightTheta, lightSide, kReach);
@@ -137,19 +152,21 @@ std::string sideView(const ShotDirections& shot, double fovDeg, At centre) {
   const bool oneSide = cameraSide == lightSide;
   out += arc(cameraTheta, cameraSide, 52, kCamera) + arc(lightTheta, lightSide, oneSide ? 78 : 52, kLight);
   const auto angleText = [&](double theta, double side, double r, const char* colour) {
-    const At at = place(theta / 2, side, r);
+    const At at = place(theta, side, r);
     return label({at.x, at.y + 4}, text("%.1f°", theta * kDegrees), colour, 12, "middle",
                  "paint-order=\"stroke\" stroke=\"white\" stroke-width=\"4\"");
   };
-  out += angleText(cameraTheta, cameraSide, 52, kCamera) +
-         angleText(lightTheta, lightSide, oneSide ? 96 : 52, kLight);
+  // Beyond the icons, further out where the two would meet.
+  const bool meet = oneSide && std::abs(cameraTheta - lightTheta) * kDegrees < 14;
+  out += angleText(cameraTheta, cameraSide, kReach + 29, kCamera) +
+         angleText(lightTheta, lightSide, kReach + (meet ? 48 : 29), kLight);
   out += lightIcon(light);
   out += cameraIcon(camera, std::atan2(centre.y - camera.y, centre.x - camera.x) * kDegrees);
   return out;
 }
 
 std::string topView(const ShotDirections& shot, double fovDeg, At centre) {
-  std::string out = label({centre.x, centre.y + kReach + 24}, "from above: azimuths", kInk, 13, "middle");
+  std::string out = label({centre.x, centre.y + 134}, "from above: azimuths", kInk, 13, "middle");
   constexpr double kRadius = 110;
   for (const double ring : {30.0, 60.0, 90.0}) {
     const double r = kRadius * std::sin(ring / kDegrees);
@@ -185,9 +202,9 @@ std::string panel(const Plan& plan, std::size_t index, double top) {
   const PlannedShot& shot = plan.shots[index];
   const double fov = plan.options.fovDeg;
   std::string out = line({20, top}, {kWidth - 20, top}, "#dddddd", 1);
-  out += sideView(shot.directions, fov, {200, top + 226});
-  out += topView(shot.directions, fov, {505, top + 150 - 28 + 14});
-  const double left = 672;
+  out += sideView(shot.directions, fov, {195, top + 226});
+  out += topView(shot.directions, fov, {515, top + 136});
+  const double left = 690;
   double y = top + 46;
   const auto say = [&](const std::string& words, const char* colour, double size, double advance,
                        const char* extra = "") {
@@ -201,8 +218,7 @@ std::string panel(const Plan& plan, std::size_t index, double top) {
     say(what, colour, 14, 19, "font-weight=\"bold\"");
     say(text("%.1f° from the normal", thetaDeg(*to)), kInk, 14, 18);
     say(text("azimuth %.1f°", azimuthDeg(*to)), kInk, 14, 18);
-    say(text("height %.3f, aside %.3f of its distance", to->z(), std::hypot(to->x(), to->y())), kFaint, 12,
-        25);
+    say(text("height %.3f, aside %.3f × distance", to->z(), std::hypot(to->x(), to->y())), kFaint, 12, 25);
   }
   say("Half-angle coordinates", kInk, 14, 19, "font-weight=\"bold\"");
   say(text("θh %.1f°   θd %.1f°   φd %.1f°", shot.angles.thetaHRad * kDegrees,
@@ -274,7 +290,9 @@ std::vector<std::string> planRemarks(const Plan& plan) {
 }
 
 std::string drawPlanSvg(const Plan& plan) {
-  const std::vector<std::string> remarks = planRemarks(plan);
+  std::vector<std::string> remarks;
+  for (const std::string& remark : planRemarks(plan))
+    for (std::string& words : wrapped(remark)) remarks.push_back(std::move(words));
   const double panels = kPanelHeight * static_cast<double>(plan.shots.size());
   const double height = kHeaderHeight + panels + 24 + 20 * static_cast<double>(remarks.size()) + 12;
   std::string out = text(
@@ -290,12 +308,15 @@ std::string drawPlanSvg(const Plan& plan) {
                                                    : std::string("point samples");
   out += label({24, 36}, text("%zu photograph%s, %s%s", count, count == 1 ? "" : "s", view.c_str(), setup),
                kInk, 21, "start", "font-weight=\"bold\"");
-  std::string how =
-      "The camera looks at the sample's centre; the light is distant. Basis: " + plan.basisName + ".";
+  out +=
+      label({24, 60},
+            "The camera looks at the sample's centre; the light is distant. Basis: " + plan.basisName + ".",
+            kInk, 13);
   if (plan.options.fovDeg > 0)
-    how += text(" The sample is a disc of radius %.3f of the camera's distance.",
-                std::tan(plan.options.fovDeg / kDegrees / 2));
-  out += label({24, 62}, how, kInk, 13);
+    out += label({24, 79},
+                 text("The sample is a disc with a radius of %.3f of the camera's distance.",
+                      std::tan(plan.options.fovDeg / kDegrees / 2)),
+                 kInk, 13);
   for (std::size_t i = 0; i < count; ++i)
     out += panel(plan, i, kHeaderHeight + kPanelHeight * static_cast<double>(i));
   double y = kHeaderHeight + panels + 24;

@@ -94,13 +94,20 @@ ShotDirections PlanSpace::shot(const Place& place, int shot) const {
   return setup_ == PlanSetup::FixedCamera ? ShotDirections{other, common} : ShotDirections{common, other};
 }
 
-bool PlanSpace::valid(const ShotDirections& directions) const {
-  const double lowest = std::cos(std::min(maxAngleDeg_, trustedAngleDeg_) * kDegree) - 1e-12;
-  if (directions.toLight.z() < lowest || directions.toCamera.z() < lowest) return false;
+bool PlanSpace::validLight(const Eigen::Vector3d& toLight) const {
+  return toLight.z() >= std::cos(std::min(maxAngleDeg_, trustedAngleDeg_) * kDegree) - 1e-12;
+}
+
+bool PlanSpace::validCamera(const Eigen::Vector3d& toCamera) const {
+  if (!validLight(toCamera)) return false;
   if (trustedAngleDeg_ >= 90) return true;
   // The point of the disc that the camera sees most obliquely is the far end of its rim.
-  const double across = std::hypot(directions.toCamera.x(), directions.toCamera.y()) + discRadius_;
-  return std::atan2(across, directions.toCamera.z()) <= trustedAngleDeg_ * kDegree;
+  const double across = std::hypot(toCamera.x(), toCamera.y()) + discRadius_;
+  return std::atan2(across, toCamera.z()) <= trustedAngleDeg_ * kDegree;
+}
+
+bool PlanSpace::valid(const ShotDirections& directions) const {
+  return validLight(directions.toLight) && validCamera(directions.toCamera);
 }
 
 bool PlanSpace::valid(const Place& place) const {
@@ -132,8 +139,13 @@ PlanSpace::Block PlanSpace::randomShot(std::mt19937_64& random, const Place& pla
 }
 
 PlanSpace::Block PlanSpace::randomShared(std::mt19937_64& random) const {
-  const double most = std::min(maxAngleDeg_, trustedAngleDeg_);
-  return {below(random, static_cast<int>(std::floor(most)) + 1), 0, 0};
+  int most = static_cast<int>(std::floor(std::min(maxAngleDeg_, trustedAngleDeg_)));
+  const auto allowed = [&](int angle) {
+    const Eigen::Vector3d to = direction(angle, 0);
+    return setup_ == PlanSetup::FixedCamera ? validCamera(to) : validLight(to);
+  };
+  while (most > 0 && !allowed(most)) --most;
+  return {below(random, most + 1), 0, 0};
 }
 
 PlanSpace::Block PlanSpace::moved(std::size_t block, const Block& from, const Block& by) const {
@@ -177,7 +189,7 @@ RowFactor PlanObjective::factor(const std::vector<IndexedShot>& shots, int pose,
   std::vector<const RowFactor*> all;
   for (const RowFactor& one : factors) all.push_back(&one);
   RowFactor stacked = stack(all);
-  return stacked.rank() > basis_->componentCount() ? reduceRows(stacked.factor, 1.0, kSearchTolerance)
+  return stacked.rank() > basis_->componentCount() ? reduceRows(stacked.factor, 1.0, kExactTolerance)
                                                    : stacked;
 }
 

@@ -43,6 +43,9 @@ class PlanSpace {
   Block moved(std::size_t block, const Block& from, const Block& by) const;
 
  private:
+  bool validLight(const Eigen::Vector3d& toLight) const;
+  bool validCamera(const Eigen::Vector3d& toCamera) const;
+
   PlanSetup setup_;
   bool point_;
   double discRadius_;
