@@ -237,7 +237,7 @@ void ComparisonPanel::refreshPictures() {
   }
   caption_->setText(caption);
   if (captured) {
-    automatic_ = automaticTone(ToneStyle::LinearRgb, *captured);
+    automatic_ = shot_ && shot_->white ? automaticTone(ToneStyle::LinearRgb, *captured) : shotTone(*captured);
     view_->setDarkFloor(kDarkPart * static_cast<float>(automatic_.high));
   }
   view_->setPictures(std::move(captured), std::move(rendered));

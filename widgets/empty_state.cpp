@@ -26,11 +26,13 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   text_->setAlignment(Qt::AlignCenter);
   text_->setWordWrap(true);
   text_->setProperty("role", "caption");
-  text_->setText(tr(
-      "Drop a bundle's folder here, or its capture.json. A bundle holds the photographs of a material under "
-      "the "
-      "screen's patterns, and what is needed to interpret them. Patina fits maps of its diffuse and specular "
-      "reflectance to them."));
+  text_->setText(
+      tr("Drop a bundle's folder here, or its capture.json. A bundle holds the photographs of a material and "
+         "what is "
+         "needed to interpret them: under a screen's patterns, from which Patina fits maps of its "
+         "reflectance, or "
+         "two or three from near by under a distant light, from which it finds the reflectance in all "
+         "directions."));
   open_ = new QPushButton(tr("Open Bundle\u2026"), card_);
   open_->setObjectName(QStringLiteral("emptyOpen"));
   open_->setProperty("primary", true);
@@ -41,7 +43,8 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   simulate_ = new QPushButton(tr("Try a Simulated Sample"), card_);
   simulate_->setObjectName(QStringLiteral("emptySimulate"));
   simulate_->setToolTip(
-      tr("No camera at hand: photograph a made-up sheet with a simulated one (about 10 s)"));
+      tr("No camera at hand: photograph a made-up sheet with a simulated one (about 10 s). "
+         "More, also two-shot samples: File > Simulated Capture"));
   recentTitle_ = new QLabel(tr("Recent"), card_);
   recentTitle_->setProperty("role", "caption");
   recent_ = new QVBoxLayout;

@@ -128,7 +128,9 @@ PhotoCache::Outcome PhotoCache::read(const Work& work, const std::optional<ToneS
     outcome.error = image.error();
     return outcome;
   }
-  outcome.tone = tone && !work.source->eachAlone ? *tone : automaticTone(ToneStyle::LinearRgb, *image);
+  outcome.tone = work.source->tone ? work.source->tone(work.photo, *image)
+                 : tone            ? *tone
+                                   : automaticTone(ToneStyle::LinearRgb, *image);
   outcome.thumbnail =
       toneMapped(reducedPicture(*image, kThumbnailSide), ToneMapper(ToneStyle::LinearRgb, outcome.tone));
   if (work.whole) outcome.image = std::make_shared<const Image>(std::move(*image));

@@ -36,8 +36,8 @@ class PhotoCache : public QObject {
     std::vector<std::string> names;
     std::function<Result<Image>(int)> read;
     int brightest = -1;  ///< says how bright all are shown, and is read first; -1: whichever comes first
-    /// Every thumbnail as bright as suits itself (exposures differ), instead of all alike.
-    bool eachAlone = false;
+    /// How bright a thumbnail is shown; empty: all alike, as suits the brightest.
+    std::function<ToneSettings(int photo, const Image&)> tone;
   };
 
   explicit PhotoCache(QObject* parent = nullptr);

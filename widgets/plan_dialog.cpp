@@ -87,13 +87,14 @@ PlanDialog::PlanDialog(QWidget* parent) : QDialog(parent) {
     if (!outcome_.plan) refresh();
   });
   setOptions({});
-  resize(1080, 720);
+  resize(1180, 740);
+  shots_->setFocus();
   refresh();
 }
 
 QWidget* PlanDialog::buildForm() {
   auto* side = new QWidget(this);
-  side->setFixedWidth(fontMetrics().averageCharWidth() * 46);
+  side->setFixedWidth(fontMetrics().averageCharWidth() * 62);
   shots_ = new QSpinBox(side);
   shots_->setObjectName(QStringLiteral("planShots"));
   shots_->setRange(1, 30);
@@ -125,7 +126,7 @@ QWidget* PlanDialog::buildForm() {
   restarts_ = new QSpinBox(side);
   restarts_->setObjectName(QStringLiteral("planRestarts"));
   restarts_->setRange(1, 100);
-  keep_ = new QCheckBox(tr("Keep the bundle's shots and add to them"), side);
+  keep_ = new QCheckBox(tr("Keep the bundle's shots, add to them"), side);
   keep_->setObjectName(QStringLiteral("planKeep"));
   basis_ = new BasisChooser(side);
 
@@ -374,17 +375,23 @@ void PlanDialog::check() {
 
 void PlanDialog::refresh() {
   std::vector<PlanViewport::Shot> shots;
+  const auto ofBundle = [&](const ShotDirections& directions, int number, bool faint) {
+    shots.push_back({directions, faint ? QColor(200, 200, 200) : shotColour(number),
+                     tr("%1 (bundle)").arg(number + 1), faint});
+  };
+  // Where the plan adds to the bundle's shots, they are its first.
+  const std::size_t given = outcome_.plan ? outcome_.plan->options.given.size() : 0;
   if (outcome_.plan)
-    for (std::size_t i = 0; i < outcome_.plan->shots.size(); ++i)
-      shots.push_back({outcome_.plan->shots[i].directions, shotColour(static_cast<int>(i)),
+    for (std::size_t i = given; i < outcome_.plan->shots.size(); ++i)
+      shots.push_back({outcome_.plan->shots[i].directions, shotColour(static_cast<int>(i - given)),
                        QString::number(i + 1), false});
-  if (capture_) {
+  if (given > 0) {
+    for (std::size_t i = 0; i < given; ++i)
+      ofBundle(outcome_.plan->options.given[i], static_cast<int>(i), true);
+  } else if (capture_) {
     int number = 0;
     for (const TwoShotPhoto& shot : capture_->shots)
-      if (!shot.holdout)
-        shots.push_back({directionsOf(shot), outcome_.plan ? QColor(200, 200, 200) : shotColour(number),
-                         tr("%1 (bundle)").arg(number + 1), outcome_.plan.has_value()}),
-            ++number;
+      if (!shot.holdout) ofBundle(directionsOf(shot), number++, outcome_.plan.has_value());
   }
   viewport_->setShots(std::move(shots), outcome_.plan ? outcome_.plan->options.fovDeg
                                         : capture_    ? discOf(*capture_).fovDeg

@@ -23,7 +23,7 @@ namespace {
 
 constexpr double kRad = std::numbers::pi / 180;
 constexpr double kViewAngleDeg = 30;
-constexpr double kStartAzimuthRad = -65 * kRad, kStartElevationRad = 28 * kRad, kStartDistance = 4.6;
+constexpr double kStartAzimuthRad = -65 * kRad, kStartElevationRad = 28 * kRad, kStartDistance = 4.1;
 constexpr double kLeastElevationRad = -0.1, kMostElevationRad = std::numbers::pi / 2 - 0.001;
 constexpr double kLightFrom = 1.32, kLightTo = 0.98;  ///< where an arrow of light begins and ends
 constexpr double kFocusHeight = 0.42;

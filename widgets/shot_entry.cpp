@@ -1,6 +1,7 @@
 #include "widgets/shot_entry.h"
 
 #include <QCoreApplication>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -68,6 +69,20 @@ NearFieldDisc discOf(const TwoShotCapture& capture) {
   NearFieldDisc disc;
   if (count > 0) disc.fovDeg = sumDeg / count;
   return disc;
+}
+
+ToneSettings shotTone(const Image& photograph) {
+  constexpr float kHeadroom = 2.5f;  ///< of white over an even sample
+  constexpr float kLit = 0.02f;      ///< of the bright end: below it is what stands round the sample
+  ToneSettings tone = automaticTone(ToneStyle::LinearRgb, photograph);
+  std::vector<float> lit;
+  const std::size_t stride = std::max<std::size_t>(1, photograph.samples().size() / 65536) | 1;
+  for (std::size_t i = 0; i < photograph.samples().size(); i += stride)
+    if (photograph.samples()[i] > kLit * tone.high) lit.push_back(photograph.samples()[i]);
+  if (lit.empty()) return tone;
+  std::nth_element(lit.begin(), lit.begin() + lit.size() / 2, lit.end());
+  tone.high = std::max<double>(tone.high, kHeadroom * lit[lit.size() / 2]);
+  return tone;
 }
 
 QString anglesText(const HalfDiffAngles& angles, int decimals) {

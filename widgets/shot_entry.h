@@ -1,11 +1,13 @@
 #pragma once
 
 #include <QString>
+#include <optional>
 #include <vector>
 
 #include "engine/capture/two_shot_capture.h"
 #include "engine/twoshot/fit.h"
 #include "engine/twoshot/near_field.h"
+#include "widgets/tone.h"
 
 namespace patina {
 
@@ -27,6 +29,10 @@ ShotDirections directionsOf(const TwoShotPhoto& shot);
 /// What the sample subtends from the camera at its distance, degrees, averaged over the shots that are
 /// fitted: of a rectangle, the disc of the same area.
 NearFieldDisc discOf(const TwoShotCapture& capture);
+
+/// How bright a photograph of the sample is shown: up to its highlight where it has one; an even one in the
+/// middle of the display's range, not at its upper end.
+ToneSettings shotTone(const Image& photograph);
 
 /// "6° 38° 90°": thetaH, thetaD and phiD in 0 to 180 degrees.
 QString anglesText(const HalfDiffAngles& angles, int decimals = 0);

@@ -204,7 +204,7 @@ QImage ShotStrip::renderedThumbnail(int row) {
   if (!entry.comparison || entry.comparison->rendered.empty()) return {};
   const auto made = rendered_.find(row);
   if (made != rendered_.end()) return made->second;
-  const ToneSettings tone = automaticTone(ToneStyle::LinearRgb, entry.comparison->captured);
+  const ToneSettings tone = shotTone(entry.comparison->captured);
   captured_[row] = thumbnailOf(entry.comparison->captured, tone, 2 * kPictureSide);
   return rendered_[row] = thumbnailOf(entry.comparison->rendered, tone, 2 * kPictureSide);
 }

@@ -75,7 +75,7 @@ TwoShotOptionsDialog::TwoShotOptionsDialog(const TwoShotChoices& choices, QWidge
   noise_->setObjectName(QStringLiteral("optionNoise"));
   clusters_ = new QSpinBox(this);
   clusters_->setObjectName(QStringLiteral("optionClusters"));
-  clusters_->setRange(0, 64);
+  clusters_->setRange(0, 8);
   clusters_->setSpecialValueText(tr("as many as the colours tell apart"));
 
   auto* form = new QFormLayout;

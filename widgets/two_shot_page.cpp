@@ -47,7 +47,9 @@ TwoShotPage::TwoShotPage(TwoShotDocument* document, Reader reader, QWidget* pare
     if (const auto capture = document_->capture()) {
       for (const TwoShotPhoto& shot : capture->shots) source.names.push_back(shot.file);
       for (const TwoShotPhoto& shot : capture->whiteShots) source.names.push_back(shot.file);
-      source.eachAlone = true;
+      source.tone = [shots = static_cast<int>(capture->shots.size())](int photo, const Image& image) {
+        return photo < shots ? shotTone(image) : automaticTone(ToneStyle::LinearRgb, image);
+      };
       source.read = [read = reader_, capture](int photo) {
         const auto shots = static_cast<int>(capture->shots.size());
         return read(*capture, photo < shots ? capture->shots[photo] : capture->whiteShots[photo - shots]);

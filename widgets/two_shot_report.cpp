@@ -68,37 +68,35 @@ QString fitText(const TwoShotFit& fit, const TwoShotMaterial& material, int show
   const TwoShotStats& stats = fit.stats;
   const QString which =
       fit.materials.size() > 1 ? TwoShotReport::tr(" (material %1)").arg(shown + 1) : QString();
-  QString text = heading(TwoShotReport::tr("Error to expect%1").arg(which));
+  QString text = heading(TwoShotReport::tr("In short%1").arg(which));
   if (material.expected.unseen > 0)
     text +=
-        paragraph(TwoShotReport::tr(
-                      "<b>%1</b> for a material that the basis does not hold, averaged over all directions; "
-                      "one material in ten is worse than %2.")
+        paragraph(TwoShotReport::tr("Error to expect over all directions: <b>%1</b>; of ten materials one "
+                                    "is worse than %2.")
                       .arg(inWords(material.expected.unseen), inWords(material.expected.unseenWorstTenth)));
-  if (material.expected.training > 0)
-    text += paragraph(
-        TwoShotReport::tr("%1 for a material like the basis' own.").arg(inWords(material.expected.training)));
-  if (!(material.expected.unseen > 0) && !(material.expected.training > 0))
-    text += paragraph(TwoShotReport::tr("Not known for this reconstruction."));
-  text += heading(TwoShotReport::tr("Error reached"));
-  if (stats.fitRms >= 0) {
-    QString line =
-        TwoShotReport::tr("RMS <b>%1</b> on the photographs it was made from").arg(percentText(stats.fitRms));
-    if (stats.noiseFloorFit > 0)
-      line += TwoShotReport::tr(" (noise alone: %1)").arg(percentText(stats.noiseFloorFit));
-    text += paragraph(line + QStringLiteral("."));
-  }
-  if (stats.holdoutRms >= 0) {
-    QString line = TwoShotReport::tr("RMS <b>%1</b> on %2 photographs that were held out")
-                       .arg(percentText(stats.holdoutRms))
-                       .arg(heldOut(fit));
-    if (stats.noiseFloorHoldout > 0)
-      line += TwoShotReport::tr(" (noise alone: %1)").arg(percentText(stats.noiseFloorHoldout));
-    text += paragraph(line + QStringLiteral("."));
-  } else {
+  else if (material.expected.training > 0)
+    text += paragraph(TwoShotReport::tr("Error to expect over all directions: <b>%1</b>, for a material like "
+                                        "the basis' own.")
+                          .arg(inWords(material.expected.training)));
+  else
+    text += paragraph(TwoShotReport::tr("The error to expect is not known for this reconstruction."));
+  QStringList reached;
+  const auto figure = [](const QString& what, double rms, double noise) {
+    QString part = TwoShotReport::tr("<b>%1</b> %2").arg(percentText(rms), what);
+    if (noise > 0) part += TwoShotReport::tr(" (noise alone %1)").arg(percentText(noise));
+    return part;
+  };
+  if (stats.fitRms >= 0)
+    reached << figure(TwoShotReport::tr("on the photographs it was made from"), stats.fitRms,
+                      stats.noiseFloorFit);
+  if (stats.holdoutRms >= 0)
+    reached << figure(TwoShotReport::tr("on %1 held out").arg(heldOut(fit)), stats.holdoutRms,
+                      stats.noiseFloorHoldout);
+  if (!reached.isEmpty())
+    text += paragraph(TwoShotReport::tr("RMS reached: %1.").arg(reached.join(QStringLiteral(", "))));
+  if (stats.holdoutRms < 0)
     text += paragraph(
         TwoShotReport::tr("No photograph was held out, so the error of prediction is not measured here."));
-  }
   if (!stats.remarks.empty()) {
     text += heading(TwoShotReport::tr("Remarks"));
     for (const std::string& remark : stats.remarks)

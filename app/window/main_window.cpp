@@ -11,11 +11,12 @@
 #include <QPushButton>
 #include <QSplitter>
 #include <QStackedWidget>
-#include <QStandardPaths>
 #include <QStatusBar>
 #include <QTimer>
+#include <QUndoGroup>
 #include <QUrl>
 
+#include "app/window/two_shot_controller.h"
 #include "widgets/elided_label.h"
 #include "widgets/empty_state.h"
 #include "widgets/error_banner.h"
@@ -24,6 +25,7 @@
 #include "widgets/photo_strip.h"
 #include "widgets/texel_inspector.h"
 #include "widgets/theme.h"
+#include "widgets/two_shot_page.h"
 #include "widgets/viewport_panel.h"
 
 namespace patina {
@@ -31,23 +33,12 @@ namespace patina {
 namespace {
 
 constexpr int kProgressMs = 200;
+/// Where the settings keep the time of a reconstruction's stages.
+const QString kTwoShotStages = QStringLiteral("two_shot_stages");
+const QString kBasisStage = QStringLiteral("built-in basis");
 
 std::filesystem::path pathOf(const QString& text) {
   return std::filesystem::path(text.toStdString());
-}
-
-/// The folder that a bundle's or fit's path means: the folder itself, or that of its capture.json or
-/// fit.json.
-QString folderOf(const QString& path) {
-  const QFileInfo file(path);
-  return QDir::cleanPath(file.isFile() ? file.absolutePath() : file.absoluteFilePath());
-}
-
-bool isFit(const QString& path) {
-  const QFileInfo file(path);
-  if (file.isFile()) return file.fileName() == QStringLiteral("fit.json");
-  return QFileInfo::exists(path + QStringLiteral("/fit.json")) &&
-         !QFileInfo::exists(path + QStringLiteral("/capture.json"));
 }
 
 QString droppedPath(const QMimeData* data) {
@@ -74,6 +65,8 @@ MainWindow::MainWindow(Services services, const QString& settingsFile, QWidget* 
     return question.clickedButton() == agreed ? Answer::GoOn : Answer::Stay;
   };
   library_ = new PhotoLibrary(services_.readPhoto, this);
+  history_ = new QUndoGroup(this);
+  history_->addStack(document_.undoStack());
   buildContent();
   buildStatusBar();
   buildActions();
@@ -89,6 +82,10 @@ MainWindow::~MainWindow() {
   // Widgets still talk to each other while they are taken down; nothing of that is for this object any more.
   document_.disconnect();
   document_.undoStack()->disconnect();
+  twoShot_->disconnect();
+  twoShot_->document()->disconnect();
+  twoShot_->document()->undoStack()->disconnect();
+  history_->disconnect();
   for (JobRunner* job : {&openJob_, &fitJob_, &saveJob_}) job->disconnect();
 }
 
@@ -127,6 +124,10 @@ void MainWindow::buildContent() {
   pages_ = new QStackedWidget(this);
   pages_->addWidget(empty_);
   pages_->addWidget(workspace_);
+  twoShot_ = std::make_unique<TwoShotController>(services_, settings_, this);
+  pages_->addWidget(twoShot_->page());
+  history_->addStack(twoShot_->document()->undoStack());
+  history_->setActiveStack(document_.undoStack());
 
   auto* content = new QWidget(this);
   auto* column = new QVBoxLayout(content);
@@ -196,10 +197,20 @@ void MainWindow::connectAll() {
   connect(&document_, &Document::captureChanged, this, [this] {
     library_->setCapture(document_.capture());
     strip_->reload();
-    pages_->setCurrentWidget(document_.capture() ? workspace_ : empty_);
+    showOpenPage();
+  });
+  connect(twoShot_->document(), &TwoShotDocument::captureChanged, this, &MainWindow::showOpenPage);
+  connect(twoShot_->document(), &TwoShotDocument::fitChanged, this, [this] {
     refreshActions();
+    refreshHealth();
     refreshTitle();
   });
+  connect(twoShot_->page()->photos(), &PhotoCache::photoFailed, this, [this](int, const Error& error) {
+    if (!banner_->isVisible()) banner_->showError(tr("Reading a photograph"), error);
+  });
+  connect(twoShot_.get(), &TwoShotController::noticed, banner_, &ErrorBanner::showNotice);
+  connect(twoShot_.get(), &TwoShotController::saved, this,
+          [this](const QString& file) { statusBar()->showMessage(tr("Saved %1").arg(file), 8000); });
   connect(&fitJob_, &JobRunner::progressed, this, &MainWindow::showProgress);
   connect(&fitJob_, &JobRunner::finished, this, [this] {
     progressPane_->hide();
@@ -233,130 +244,28 @@ void MainWindow::followTexel(std::optional<QPoint> texel) {
   viewport_->setTexel(inspector_->shownTexel());
 }
 
-// ---- opening
-// --------------------------------------------------------------------------------------------------
-
-void MainWindow::openPath(const QString& path) {
-  if (path.isEmpty() || !mayLoseFit(tr("open %1").arg(QFileInfo(path).fileName()), tr("Open"))) return;
-  if (fitJob_.running()) fitJob_.abandon();
-  if (simulating_) simulationDone();  // its outcome is dropped
-  const QString name = QFileInfo(path).fileName() == QStringLiteral("capture.json") ||
-                               QFileInfo(path).fileName() == QStringLiteral("fit.json")
-                           ? QFileInfo(folderOf(path)).fileName()
-                           : QFileInfo(path).fileName();
-  empty_->setBusy(tr("Opening %1\u2026").arg(name));
-  statusBar()->showMessage(tr("Opening %1\u2026").arg(path), 3000);
-  banner_->hide();
-  if (isFit(path)) {
-    openJob_.start<std::shared_ptr<const FourierFit>>(
-        [load = services_.loadFit, folder = folderOf(path)](const JobContext& job) {
-          return load(pathOf(folder), job);
-        },
-        [this, path, name](Result<std::shared_ptr<const FourierFit>> outcome) {
-          if (!outcome) {
-            if (outcome.error().code == ErrorCode::NotFound) forget(path);
-            return banner_->showError(tr("Opening the fit %1").arg(name), outcome.error());
-          }
-          const auto fit = *outcome;
-          opened(std::make_shared<const FourierCapture>(fit->capture()), path);
-          document_.adoptFit(fit, tr("open fit"));
-          document_.undoStack()->clear();  // opening is not a step
-          fitSavedTo_ = folderOf(path);
-          fitIsSaved_ = true;
-          document_.restoreFitOptions(fit->options());
-          if (maps_->kind() == ViewKind::Photo) maps_->setKind(ViewKind::Diffuse);
-          refreshTitle();
-        });
-    return;
-  }
-  openJob_.start<FourierCapture>(
-      [read = services_.readCapture, path](const JobContext& job) { return read(pathOf(path), job); },
-      [this, path, name](Result<FourierCapture> outcome) {
-        if (!outcome) {
-          if (outcome.error().code == ErrorCode::NotFound) forget(path);
-          return banner_->showError(tr("Opening %1").arg(name), outcome.error());
-        }
-        opened(std::make_shared<const FourierCapture>(std::move(*outcome)), path);
-        maps_->setKind(ViewKind::Photo);
-      });
-}
-
-void MainWindow::simulate(const std::string& scene) {
-  if (openJob_.running() || !mayLoseFit(tr("make a simulated capture"), tr("Go On"))) return;
-  if (fitJob_.running()) fitJob_.abandon();
-  const QString name = QString::fromStdString(scene);
-  const QString folder = QStandardPaths::writableLocation(QStandardPaths::AppDataLocation) +
-                         QStringLiteral("/simulated/") + name;
-  banner_->hide();
-  empty_->setBusy(tr("Photographing %1\u2026").arg(name));
-  showPane(tr("Photographing %1").arg(name), tr("Stop the simulated capture (Esc)"));
-  simulating_ = true;
-  openJob_.start<FourierCapture>(
-      [make = services_.simulate, scene, folder](const JobContext& job) {
-        return make(scene, pathOf(folder), job);
-      },
-      [this, folder, name](Result<FourierCapture> outcome) {
-        if (!outcome) {
-          if (outcome.error().code == ErrorCode::Cancelled)
-            return statusBar()->showMessage(tr("The simulated capture was cancelled."), 8000);
-          return banner_->showError(tr("Photographing %1").arg(name), outcome.error());
-        }
-        opened(std::make_shared<const FourierCapture>(std::move(*outcome)), folder);
-        maps_->setKind(ViewKind::Photo);
-      });
-}
-
-void MainWindow::simulationDone() {
-  simulating_ = false;
-  if (!fitJob_.running()) progressPane_->hide();
-}
-
-void MainWindow::forget(const QString& path) {
-  settings_.removeRecent(folderOf(path));
-  refreshRecent();
-}
-
-void MainWindow::opened(std::shared_ptr<const FourierCapture> capture, const QString& path) {
-  openPath_ = folderOf(path);
-  fitSavedTo_.clear();
-  fitIsSaved_ = true;
-  settings_.addRecent(openPath_);
-  settings_.set(QStringLiteral("last_folder"), QFileInfo(openPath_).absolutePath());
-  refreshRecent();
-  document_.openCapture(capture);
-  // The first pattern shows more than a black frame does.
-  int first = 0;
-  for (std::size_t i = 0; i < capture->photos.size(); ++i)
-    if (capture->photos[i].role == PhotoRole::Window) {
-      first = static_cast<int>(i);
-      break;
-    }
-  strip_->setCurrentPhoto(first);
-  strip_->setFocus();  // the arrow keys step through the photographs
-  if (!capture->ignoredKeys.empty()) {
-    QStringList keys;
-    for (const std::string& key : capture->ignoredKeys) keys << QString::fromStdString(key);
-    banner_->showNotice(tr("capture.json holds keys that this version doesn't know and doesn't read: %1.")
-                            .arg(keys.join(QStringLiteral(", "))));
-  }
-  refreshHealth();
-}
-
 // ---- fitting
 // --------------------------------------------------------------------------------------------------
 
 void MainWindow::startFit() {
-  const auto capture = document_.capture();
-  if (!capture || fitJob_.running()) return;
+  if (!somethingOpen() || fitJob_.running()) return;
   banner_->hide();
-  estimate_.emplace(settings_.stageSeconds());
   shownStage_.clear();
-  showPane(tr("Starting"), tr("Stop the fit; what is finished is kept and marked (Esc)"));
-  fitJob_.start<std::shared_ptr<const FourierFit>>(
-      [fit = services_.fit, capture, options = document_.fitOptions()](const JobContext& job) {
-        return fit(*capture, options, job);
-      },
-      [this](Result<std::shared_ptr<const FourierFit>> outcome) { fitDone(std::move(outcome)); });
+  if (twoShotOpen()) {
+    estimate_.emplace(settings_.stageSeconds(kTwoShotStages), ProgressEstimate::Clock::now(),
+                      ProgressEstimate::Work::TwoShotFit);
+    showPane(tr("Starting"), tr("Stop the reconstruction (Esc)"));
+    fitJob_.start<std::shared_ptr<const TwoShotFit>>(
+        twoShot_->fitWork(),
+        [this](Result<std::shared_ptr<const TwoShotFit>> outcome) { twoShotFitDone(std::move(outcome)); });
+  } else {
+    estimate_.emplace(settings_.stageSeconds());
+    showPane(tr("Starting"), tr("Stop the fit; what is finished is kept and marked (Esc)"));
+    fitJob_.start<std::shared_ptr<const FourierFit>>(
+        [fit = services_.fit, capture = document_.capture(),
+         options = document_.fitOptions()](const JobContext& job) { return fit(*capture, options, job); },
+        [this](Result<std::shared_ptr<const FourierFit>> outcome) { fitDone(std::move(outcome)); });
+  }
   refreshActions();
   refreshHealth();
 }
@@ -403,8 +312,34 @@ void MainWindow::fitDone(Result<std::shared_ptr<const FourierFit>> outcome) {
   refreshTitle();
 }
 
+void MainWindow::twoShotFitDone(Result<std::shared_ptr<const TwoShotFit>> outcome) {
+  if (!outcome) {
+    if (outcome.error().code == ErrorCode::Cancelled)
+      return statusBar()->showMessage(tr("The reconstruction was cancelled."), 8000);
+    return banner_->showError(tr("Reconstructing"), outcome.error());
+  }
+  const auto fit = *outcome;
+  fitIsSaved_ = false;
+  fitSavedTo_.clear();
+  twoShot_->adopt(fit, fit->stats.cancelled ? tr("cancelled reconstruction") : tr("reconstruction"));
+  if (fit->stats.cancelled)
+    banner_->showNotice(tr("The reconstruction was cancelled: what it had by then is shown."));
+  else
+    settings_.setStageSeconds(fit->stats.seconds, kTwoShotStages);
+  refreshTitle();
+}
+
 void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit) {
   if (!estimate_) return;
+  if (stage == kBasisStage) {
+    // Made once, before anything is reconstructed: a bar of its own, and the reconstruction's time is counted
+    // from its end.
+    estimate_.emplace(settings_.stageSeconds(kTwoShotStages), ProgressEstimate::Clock::now(),
+                      ProgressEstimate::Work::TwoShotFit);
+    stageLabel_->setText(QString::fromStdString(ProgressEstimate::title(stage.toStdString())));
+    progress_->setValue(total > 0 ? static_cast<int>(1000 * done / total) : 0);
+    return;
+  }
   estimate_->update(stage.toStdString(), done, total);
   // Every change of a label has the whole window composed anew, because of the 3D view in it: a few times a
   // second are enough.
@@ -412,7 +347,7 @@ void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, c
   shownStage_ = stage;
   shownProgress_.restart();
   progress_->setValue(static_cast<int>(std::lround(1000 * estimate_->fraction())));
-  QString text = QString::fromStdString(ProgressEstimate::title(stage.toStdString()));
+  QString text = QString::fromStdString(ProgressEstimate::title(stage.toStdString(), estimate_->work()));
   if (total > 0 && !unit.isEmpty()) text += QStringLiteral("  %L1 / %L2 %3").arg(done).arg(total).arg(unit);
   stageLabel_->setText(text);
   if (fitJob_.cancelling()) return;
@@ -425,7 +360,7 @@ void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, c
 }
 
 bool MainWindow::mayLoseFit(const QString& doing, const QString& goOn) {
-  const bool running = fitJob_.running(), unsaved = document_.fit() && !fitIsSaved_;
+  const bool running = fitJob_.running(), unsaved = fitted() && !fitIsSaved_;
   if (!running && !unsaved) return true;
   const Answer answer =
       running ? ask_(tr("A fit is running"),
@@ -440,24 +375,30 @@ bool MainWindow::mayLoseFit(const QString& doing, const QString& goOn) {
 // ---------------------------------------------------------------------------------------------------
 
 void MainWindow::saveFitTo(const QString& folder) {
+  if (!fitted() || folder.isEmpty()) return;
   const auto fit = document_.fit();
-  if (!fit || folder.isEmpty()) return;
+  const auto reconstruction = twoShot_->document()->fit();
   statusBar()->showMessage(tr("Saving the fit\u2026"));
-  saveJob_.start<Done>(
-      [write = services_.writeFit, fit, folder](const JobContext&) { return write(pathOf(folder), *fit); },
-      [this, fit, folder](Status outcome) {
-        statusBar()->clearMessage();
-        if (!outcome) return banner_->showError(tr("Saving the fit"), outcome.error());
-        if (document_.fit() == fit) {
-          fitIsSaved_ = true;
-          fitSavedTo_ = folder;
-        }
-        settings_.set(QStringLiteral("last_save_folder"), QFileInfo(folder).absolutePath());
-        settings_.addRecent(QDir::cleanPath(folder));
-        refreshRecent();
-        refreshTitle();
-        statusBar()->showMessage(tr("Saved to %1").arg(folder), 8000);
-      });
+  std::function<Status(const JobContext&)> work;
+  if (twoShotOpen())
+    work = twoShot_->saveWork(folder);
+  else
+    work = [write = services_.writeFit, fit, folder](const JobContext&) {
+      return write(pathOf(folder), *fit);
+    };
+  saveJob_.start<Done>(std::move(work), [this, fit, reconstruction, folder](Status outcome) {
+    statusBar()->clearMessage();
+    if (!outcome) return banner_->showError(tr("Saving the fit"), outcome.error());
+    if (document_.fit() == fit && twoShot_->document()->fit() == reconstruction) {
+      fitIsSaved_ = true;
+      fitSavedTo_ = folder;
+    }
+    settings_.set(QStringLiteral("last_save_folder"), QFileInfo(folder).absolutePath());
+    settings_.addRecent(QDir::cleanPath(folder));
+    refreshRecent();
+    refreshTitle();
+    statusBar()->showMessage(tr("Saved to %1").arg(folder), 8000);
+  });
 }
 
 // ---- what the window says
@@ -465,29 +406,38 @@ void MainWindow::saveFitTo(const QString& folder) {
 
 void MainWindow::refreshTitle() {
   const auto capture = document_.capture();
-  if (!capture) {
+  const auto twoShot = twoShot_->document()->capture();
+  if (!somethingOpen()) {
     setWindowTitle(QStringLiteral("Patina"));
     bundleLabel_->clear();
     return;
   }
-  const QString name = QFileInfo(QString::fromStdString(capture->folder.string())).fileName();
-  const bool unsaved = document_.fit() && !fitIsSaved_;
+  const QString folder = QString::fromStdString((capture ? capture->folder : twoShot->folder).string());
+  const QString name = QFileInfo(folder).fileName();
+  const bool unsaved = fitted() && !fitIsSaved_;
   setWindowTitle(
       QStringLiteral("%1%2 \u2014 Patina").arg(name, unsaved ? tr(" (fit not saved)") : QString()));
-  const QString shown = capture->sampleName.empty() ? name : QString::fromStdString(capture->sampleName);
-  QString text = QStringLiteral("<b>%1</b>")
+  const std::string& sample = capture ? capture->sampleName : twoShot->sampleName;
+  const QString shown = sample.empty() ? name : QString::fromStdString(sample);
+  QString text = QStringLiteral("<b>%1</b>&nbsp;&nbsp;")
                      .arg(fontMetrics()
                               .elidedText(shown, Qt::ElideMiddle, fontMetrics().averageCharWidth() * 34)
                               .toHtmlEscaped());
-  text += tr("&nbsp;&nbsp;%1 photographs&nbsp;\u00b7&nbsp;%2 \u00d7 %3 mm")
-              .arg(capture->photos.size())
-              .arg(capture->sampleWidthMm, 0, 'g', 4)
-              .arg(capture->sampleHeightMm, 0, 'g', 4);
+  text += twoShot ? twoShot_->summary()
+                  : tr("%1 photographs&nbsp;\u00b7&nbsp;%2 \u00d7 %3 mm")
+                        .arg(capture->photos.size())
+                        .arg(capture->sampleWidthMm, 0, 'g', 4)
+                        .arg(capture->sampleHeightMm, 0, 'g', 4);
   bundleLabel_->setText(text);
-  bundleLabel_->setToolTip(QString::fromStdString(capture->folder.string()));
+  bundleLabel_->setToolTip(folder);
 }
 
 void MainWindow::refreshHealth() {
+  if (twoShotOpen()) {
+    healthLabel_->setText(twoShot_->health(fitJob_.running()));
+    healthLabel_->setToolTip(twoShot_->healthTip());
+    return;
+  }
   const auto fit = document_.fit();
   if (!fit) {
     healthLabel_->setText(!document_.capture() ? tr("No bundle open")

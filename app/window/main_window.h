@@ -19,6 +19,7 @@ class QPushButton;
 class QSplitter;
 class QStackedWidget;
 class QToolBar;
+class QUndoGroup;
 
 namespace patina {
 
@@ -28,10 +29,11 @@ class MapPanel;
 class PhotoLibrary;
 class PhotoStrip;
 class TexelInspector;
+class TwoShotController;
 class ViewportPanel;
 
-/// The window: one bundle, its photographs, its fit. Wires widgets to the engine's calls through numbered
-/// jobs; never waits for one.
+/// The window: one bundle of either kind, its photographs, its fit. Wires widgets to the engine's calls
+/// through numbered jobs; never waits for one.
 class MainWindow : public QMainWindow {
   Q_OBJECT
 
@@ -59,7 +61,9 @@ class MainWindow : public QMainWindow {
   /// Writes the fit into a folder.
   void saveFitTo(const QString& folder);
 
+  /// A Fourier bundle, or nothing while a two-shot bundle is open; and the other way round.
   Document* document() { return &document_; }
+  TwoShotController* twoShot() { return twoShot_.get(); }
   PhotoLibrary* photos() { return library_; }
   PhotoStrip* strip() { return strip_; }
   MapPanel* maps() { return maps_; }
@@ -86,13 +90,31 @@ class MainWindow : public QMainWindow {
                      const QString& tip, std::function<void()> handler, const QString& iconName = {});
   /// Enables an action, or disables it and says why in its tooltip and status tip.
   void allow(const QString& name, bool possible, const QString& whyNot = {});
+  void buildTwoShotViews();
   void refreshActions();
   void refreshTitle();
   void refreshRecent();
   void refreshHealth();
   void forget(const QString& path);  ///< takes it off the recent list
+  /// What a job that opens something brings back: a capture, or a fit with the capture that it is of.
+  struct Opened {
+    std::shared_ptr<const FourierCapture> fourier;
+    std::shared_ptr<const FourierFit> fourierFit;
+    std::shared_ptr<const TwoShotCapture> twoShot;
+    std::shared_ptr<const TwoShotFit> twoShotFit;
+  };
+  static Result<Opened> readBundle(const Services& services, const QString& path, const JobContext& job);
+  static Result<Opened> readFit(const Services& services, const QString& folder, const JobContext& job);
+  void take(const Opened& opened, const QString& path);
   void opened(std::shared_ptr<const FourierCapture> capture, const QString& path);
+  void openedTwoShot(std::shared_ptr<const TwoShotCapture> capture, const QString& path);
+  void noteOpened(const QString& path, const std::vector<std::string>& ignoredKeys);
+  void showOpenPage();
+  bool somethingOpen() const;
+  bool twoShotOpen() const;
+  bool fitted() const;
   void fitDone(Result<std::shared_ptr<const FourierFit>> outcome);
+  void twoShotFitDone(Result<std::shared_ptr<const TwoShotFit>> outcome);
   void showPane(const QString& stage, const QString& cancelTip);
   void simulationDone();
   void showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit);
@@ -111,6 +133,8 @@ class MainWindow : public QMainWindow {
   Services services_;
   Settings settings_;
   Document document_;
+  std::unique_ptr<TwoShotController> twoShot_;
+  QUndoGroup* history_;
   PhotoLibrary* library_;
 
   QStackedWidget* pages_;

@@ -13,8 +13,11 @@
 #include <QStatusBar>
 #include <QTableWidget>
 #include <QToolBar>
+#include <QUndoGroup>
 
 #include "app/window/main_window.h"
+#include "app/window/two_shot_controller.h"
+#include "widgets/comparison_panel.h"
 #include "widgets/empty_state.h"
 #include "widgets/fit_options_dialog.h"
 #include "widgets/image_view.h"
@@ -23,6 +26,7 @@
 #include "widgets/sheet_viewport.h"
 #include "widgets/texel_inspector.h"
 #include "widgets/theme.h"
+#include "widgets/two_shot_page.h"
 #include "widgets/viewport_panel.h"
 
 namespace patina {
@@ -70,6 +74,11 @@ void MainWindow::buildActions() {
     addAction(simulated, QStringLiteral("simulate-") + QString::fromStdString(scene),
               QString::fromStdString(scene), {}, QString::fromStdString(summary),
               [this, scene = scene] { simulate(scene); });
+  simulated->addSeparator();
+  for (const auto& [scene, summary] : services_.twoShotScenes)
+    addAction(simulated, QStringLiteral("simulate-") + QString::fromStdString(scene),
+              tr("Two-shot: %1").arg(QString::fromStdString(scene)), {}, QString::fromStdString(summary),
+              [this, scene = scene] { simulate(scene); });
   file->addSeparator();
   addAction(
       file, "save", tr("&Save Fit As\u2026"), QKeySequence::Save, tr("Write maps and fit.json into a folder"),
@@ -88,12 +97,13 @@ void MainWindow::buildActions() {
     actions_[name] = one;
     tips_[name] = tip;
   };
-  history("undo", document_.undoStack()->createUndoAction(this, tr("&Undo")), QKeySequence::Undo,
+  history("undo", history_->createUndoAction(this, tr("&Undo")), QKeySequence::Undo,
           tr("Take back the last change"));
-  history("redo", document_.undoStack()->createRedoAction(this, tr("&Redo")), QKeySequence::Redo,
+  history("redo", history_->createRedoAction(this, tr("&Redo")), QKeySequence::Redo,
           tr("Make the change again"));
   const auto nameHistory = [this] {
-    const QUndoStack* stack = document_.undoStack();
+    const QUndoStack* stack = history_->activeStack();
+    if (!stack) return;
     const auto say = [this](const char* name, bool possible, const QString& what, const QString& nothing) {
       QAction* one = actions_.at(name);
       const QString keys = QStringLiteral(" (%1)").arg(one->shortcut().toString(QKeySequence::NativeText));
@@ -104,7 +114,8 @@ void MainWindow::buildActions() {
     say("undo", stack->canUndo(), stack->undoText(), tr("There is nothing to take back yet"));
     say("redo", stack->canRedo(), stack->redoText(), tr("Nothing was taken back"));
   };
-  connect(document_.undoStack(), &QUndoStack::indexChanged, this, nameHistory);
+  connect(history_, &QUndoGroup::indexChanged, this, nameHistory);
+  connect(history_, &QUndoGroup::activeStackChanged, this, nameHistory);
   nameHistory();
 
   viewMenu_ = menuBar()->addMenu(tr("&View"));
@@ -121,13 +132,21 @@ void MainWindow::buildActions() {
   }
   connect(maps_, &MapPanel::kindChanged, this,
           [this](ViewKind kind) { action(QStringLiteral("view-") + info(kind).id)->setChecked(true); });
+  buildTwoShotViews();
   viewMenu_->addSeparator();
-  addAction(viewMenu_, "zoom-in", tr("Zoom &In"), QKeySequence::ZoomIn, tr("Enlarge the picture"),
-            [this] { maps_->view()->zoomBy(1.25, QPointF(maps_->view()->rect().center())); });
+  addAction(viewMenu_, "zoom-in", tr("Zoom &In"), QKeySequence::ZoomIn, tr("Enlarge the picture"), [this] {
+    twoShotOpen() ? twoShot_->page()->comparison()->zoomIn()
+                  : maps_->view()->zoomBy(1.25, QPointF(maps_->view()->rect().center()));
+  });
   addAction(viewMenu_, "zoom-out", tr("Zoom &Out"), QKeySequence::ZoomOut, tr("Show more of the picture"),
-            [this] { maps_->view()->zoomBy(0.8, QPointF(maps_->view()->rect().center())); });
+            [this] {
+              twoShotOpen() ? twoShot_->page()->comparison()->zoomOut()
+                            : maps_->view()->zoomBy(0.8, QPointF(maps_->view()->rect().center()));
+            });
   addAction(viewMenu_, "zoom-fit", tr("&Whole Picture"), QKeySequence(Qt::CTRL | Qt::Key_0),
-            tr("Show the whole picture"), [this] { maps_->view()->zoomToFit(); });
+            tr("Show the whole picture"), [this] {
+              twoShotOpen() ? twoShot_->page()->comparison()->zoomToFit() : maps_->view()->zoomToFit();
+            });
   addAction(viewMenu_, "auto-range", tr("Automatic &Range"), QKeySequence(Qt::CTRL | Qt::Key_R),
             tr("Set the range from the picture's values"), [this] { maps_->automaticRange(); });
   addAction(viewMenu_, "reset-tone", tr("Reset &Exposure and Range"),
@@ -147,6 +166,14 @@ void MainWindow::buildActions() {
   panel("show-viewport", tr("&3D View"), QKeySequence(Qt::Key_F6), viewport_);
   panel("show-inspector", tr("&Texel Inspector"), QKeySequence(Qt::Key_F7), inspector_);
   panel("show-strip", tr("&Photo Strip"), QKeySequence(Qt::Key_F8), strip_);
+  connect(action("show-viewport"), &QAction::toggled, twoShot_->page(), &TwoShotPage::setSphereShown);
+  connect(action("show-inspector"), &QAction::toggled, twoShot_->page(), &TwoShotPage::setSlicesShown);
+  connect(action("show-strip"), &QAction::toggled, twoShot_->page(), &TwoShotPage::setStripShown);
+  QAction* words = addAction(viewMenu_, "show-report", tr("Reconstruction in &Words"),
+                             QKeySequence(Qt::Key_F9), tr("Show or hide this part of the window"), {});
+  words->setCheckable(true);
+  words->setChecked(true);
+  connect(words, &QAction::toggled, twoShot_->page(), &TwoShotPage::setReportShown);
 
   QMenu* fit = menuBar()->addMenu(tr("F&it"));
   addAction(
@@ -160,11 +187,16 @@ void MainWindow::buildActions() {
       fit, "options", tr("&Options\u2026"), QKeySequence(Qt::CTRL | Qt::Key_Comma), tr("Options of the fit"),
       [this] { editOptions(); }, "options");
 
+  QMenu* tools = menuBar()->addMenu(tr("&Tools"));
+  addAction(tools, "plan", tr("Plan &Directions\u2026"), QKeySequence(Qt::CTRL | Qt::Key_D),
+            tr("Where to put camera and light for a two-shot capture, and what error to expect"),
+            [this] { twoShot_->showPlan(); });
+
   QMenu* help = menuBar()->addMenu(tr("&Help"));
   addAction(help, "shortcuts", tr("&Keyboard and Mouse"), QKeySequence(Qt::Key_F1),
             tr("Every key and gesture"), [this] { showShortcuts(); });
   addAction(help, "about", tr("&About Patina"), {}, tr("Version and sources"), [this] { showAbout(); });
-  for (QMenu* menu : {file, edit, viewMenu_, fit, help}) menu->setToolTipsVisible(true);
+  for (QMenu* menu : {file, edit, viewMenu_, fit, tools, help}) menu->setToolTipsVisible(true);
 
   toolBar_ = addToolBar(tr("Tools"));
   toolBar_->setObjectName(QStringLiteral("toolBar"));
@@ -193,10 +225,55 @@ void MainWindow::buildActions() {
   toolBar_->addWidget(bundleLabel_);
 }
 
+void MainWindow::buildTwoShotViews() {
+  auto* views = new QActionGroup(this);
+  ComparisonPanel* comparison = twoShot_->page()->comparison();
+  const auto view = [&](const char* name, const QString& text, int key, const QString& tip,
+                        std::function<void()> handler) {
+    QAction* one = addAction(viewMenu_, name, text, QKeySequence(QStringLiteral("Ctrl+%1").arg(key)), tip,
+                             std::move(handler));
+    one->setCheckable(true);
+    views->addAction(one);
+  };
+  view("view-wipe", tr("&Wipe"), 1, tr("The photograph left of a divider, the reconstruction right of it"),
+       [comparison] { comparison->setMode(ComparisonMode::Wipe); });
+  view("view-side", tr("&Side by Side"), 2, tr("Photograph and reconstruction, both whole"),
+       [comparison] { comparison->setMode(ComparisonMode::SideBySide); });
+  view("view-difference", tr("&Difference"), 3, tr("Where the reconstruction is too bright or too dark"),
+       [comparison] { comparison->setMode(ComparisonMode::Difference); });
+  view("view-materials", tr("&Materials"), 4, tr("Which material each pixel of the first shot is of"),
+       [comparison] { comparison->setLabelsShown(true); });
+  const auto check = [this, comparison] {
+    const char* names[] = {"view-wipe", "view-side", "view-difference"};
+    action(comparison->labelsShown() ? "view-materials" : names[static_cast<int>(comparison->mode())])
+        ->setChecked(true);
+  };
+  connect(comparison, &ComparisonPanel::modeChanged, this, check);
+  check();
+}
+
 void MainWindow::refreshActions() {
-  const bool open = document_.capture() != nullptr, fitted = document_.fit() != nullptr,
-             running = fitJob_.running();
+  const bool open = somethingOpen(), twoShot = twoShotOpen(), running = fitJob_.running();
   const QString noBundle = tr("Not now: no bundle is open.");
+  // One button and one key for either kind; what they are called and say is the kind's.
+  const auto rename = [this](const char* name, const QString& text, const QString& tip) {
+    QAction* one = action(name);
+    one->setText(text);
+    tips_[name] = tip + QStringLiteral(" (%1)").arg(one->shortcut().toString(QKeySequence::NativeText));
+  };
+  rename("fit", twoShot ? tr("&Reconstruct") : tr("&Fit"),
+         twoShot ? tr("Find the reflectance in all directions from the photographs")
+                 : tr("Fit the maps to the photographs"));
+  rename("cancel", tr("&Cancel"),
+         twoShot ? tr("Stop the reconstruction") : tr("Stop the fit; what is finished is kept and marked"));
+  rename("options", tr("&Options\u2026"),
+         twoShot ? tr("Options of the reconstruction") : tr("Options of the fit"));
+  rename("save", tr("&Save Fit As\u2026"),
+         twoShot ? tr("Write brdf.binary, fit.json and pictures into a folder")
+                 : tr("Write maps and fit.json into a folder"));
+  rename("show-inspector", twoShot ? tr("S&lices") : tr("&Texel Inspector"),
+         tr("Show or hide this part of the window"));
+  action("show-report")->setVisible(twoShot);
   allow("fit", open && !running && !openJob_.running(),
         running ? tr("Not now: a fit is running.")
         : open  ? tr("Not now: a bundle is being opened.")
@@ -204,15 +281,30 @@ void MainWindow::refreshActions() {
   const bool stoppable = simulating_ ? !openJob_.cancelling() : running && !fitJob_.cancelling();
   allow("cancel", stoppable,
         running || simulating_ ? tr("Already stopping.") : tr("Not now: no fit is running."));
-  for (const auto& scene : services_.scenes)
-    allow(QStringLiteral("simulate-") + QString::fromStdString(scene.first), !openJob_.running(),
-          tr("Not now: a bundle is being opened."));
+  for (const auto* scenes : {&services_.scenes, &services_.twoShotScenes})
+    for (const auto& scene : *scenes)
+      allow(QStringLiteral("simulate-") + QString::fromStdString(scene.first), !openJob_.running(),
+            tr("Not now: a bundle is being opened."));
   allow("options", !running, tr("Not now: a fit is running with the present options."));
-  allow("save", fitted && !saveJob_.running(),
-        fitted ? tr("Not now: the fit is being saved.") : tr("Not now: there is no fit to save."));
-  for (const char* name : {"zoom-in", "zoom-out", "zoom-fit", "auto-range", "reset-tone"})
-    allow(name, open, noBundle);
-  for (const auto& kind : viewKinds()) allow(QStringLiteral("view-") + kind.id, open, noBundle);
+  allow("save", fitted() && !saveJob_.running(),
+        fitted() ? tr("Not now: the fit is being saved.") : tr("Not now: there is no fit to save."));
+  for (const char* name : {"zoom-in", "zoom-out", "zoom-fit"}) allow(name, open, noBundle);
+  for (const char* name : {"auto-range", "reset-tone"}) {
+    action(name)->setVisible(!twoShot);
+    allow(name, open && !twoShot, noBundle);
+  }
+  for (const auto& kind : viewKinds()) {
+    action(QStringLiteral("view-") + kind.id)->setVisible(!twoShot);
+    allow(QStringLiteral("view-") + kind.id, open && !twoShot, noBundle);
+  }
+  const auto fit = twoShot_->document()->fit();
+  for (const char* name : {"view-wipe", "view-side", "view-difference", "view-materials"}) {
+    action(name)->setVisible(twoShot);
+    const bool materials = QLatin1String(name) == QLatin1String("view-materials");
+    allow(name, fit && (!materials || !fit->labels.empty()),
+          fit ? tr("Not now: the reconstruction has one material.")
+              : tr("Not now: nothing is reconstructed yet."));
+  }
 }
 
 void MainWindow::refreshRecent() {
@@ -255,7 +347,7 @@ void MainWindow::chooseFit() {
 }
 
 void MainWindow::chooseSaveFolder() {
-  if (!document_.fit()) return;
+  if (!fitted()) return;
   QFileDialog dialog(this, tr("Save the Fit: Name of a New Folder"), settings_.text("last_save_folder"));
   dialog.setAcceptMode(QFileDialog::AcceptSave);
   dialog.setFileMode(QFileDialog::AnyFile);
@@ -272,6 +364,7 @@ void MainWindow::chooseSaveFolder() {
 }
 
 void MainWindow::editOptions() {
+  if (twoShotOpen()) return twoShot_->editOptions();
   FitOptionsDialog dialog(document_.fitOptions(), this);
   if (dialog.exec() != QDialog::Accepted) return;
   document_.endGesture();
@@ -287,10 +380,13 @@ void MainWindow::showAbout() {
       tr("<h3>Patina %1</h3>"
          "<p>Measures how materials reflect light: fits maps of diffuse and specular reflectance, "
          "normals, lobe width and "
-         "kurtosis to photographs that a screen's Fourier patterns lit.</p>"
-         "<p>Method: Aittala, Weyrich, Lehtinen, <i>Practical SVBRDF Capture in the Frequency "
+         "kurtosis to photographs that a screen's Fourier patterns lit, and reconstructs the reflectance of "
+         "a "
+         "flat sample in all directions from a few photographs under a distant light.</p>"
+         "<p>Methods: Aittala, Weyrich, Lehtinen, <i>Practical SVBRDF Capture in the Frequency "
          "Domain</i>, ACM Transactions on "
-         "Graphics, 2013.</p>"
+         "Graphics, 2013. Xu and others, <i>Minimal BRDF Sampling for Two-Shot Near-Field Reflectance "
+         "Acquisition</i>, ACM Transactions on Graphics, 2016.</p>"
          "<p>Licence: Apache-2.0. Built with Qt %2, VTK, Eigen, OpenEXR, libpng, oneTBB, Highway and "
          "JSON for Modern C++.</p>")
           .arg(QStringLiteral(PATINA_VERSION), QString::fromLatin1(qVersion())));
@@ -315,7 +411,7 @@ void MainWindow::showShortcuts() {
   for (QAction* menu : menuBar()->actions()) {
     line(QString(menu->text()).remove('&'), {}, true);
     for (QAction* one : menu->menu()->actions())
-      if (!one->shortcut().isEmpty())
+      if (!one->shortcut().isEmpty() && one->isVisible())
         line(one->shortcut().toString(QKeySequence::NativeText),
              QString(one->text()).remove('&').remove(QChar(0x2026)));
   }
@@ -335,6 +431,15 @@ void MainWindow::showShortcuts() {
   line(tr("Drag, arrow keys"), tr("Move its light"));
   line(tr("Photo strip"), {}, true);
   line(tr("Left, Right, Home, End"), tr("Step through the photographs"));
+  line(tr("Two-shot: photograph against reconstruction"), {}, true);
+  line(tr("Drag the divider, Left, Right, Home, End"), tr("Wipe; Shift: in larger steps"));
+  line(tr("Double click"), tr("Divider to the middle"));
+  line(tr("Wheel, drag, + \u2212 0"), tr("Zoom at the cursor; move; whole picture"));
+  line(tr("Up, Down in the list of shots"), tr("Step through the shots"));
+  line(tr("Drawing of a plan"), {}, true);
+  line(tr("Drag, arrow keys"), tr("Turn"));
+  line(tr("Wheel, + \u2212"), tr("Distance"));
+  line(tr("T, S, 0"), tr("From above; from the side; as it was"));
   table->horizontalHeader()->hide();
   table->verticalHeader()->hide();
   table->setShowGrid(false);
@@ -365,7 +470,7 @@ void MainWindow::restoreState() {
   }
   columns_->restoreState(settings_.bytes("window/columns"));
   right_->restoreState(settings_.bytes("window/right"));
-  for (const char* name : {"show-viewport", "show-inspector", "show-strip"})
+  for (const char* name : {"show-viewport", "show-inspector", "show-strip", "show-report"})
     action(name)->setChecked(settings_.flag(QStringLiteral("window/") + name, true));
   document_.restoreFitOptions(settings_.fitOptions());
   LampState lamp = document_.lamp();  // its place comes with the bundle
@@ -378,13 +483,14 @@ void MainWindow::restoreState() {
   inspector_->setFollowsCursor(settings_.flag("inspector/follow", true));
   inspector_->setPhaseAboutLobe(settings_.flag("inspector/phase_about_lobe", true));
   document_.undoStack()->clear();
+  twoShot_->restoreState();
 }
 
 void MainWindow::keepState() {
   settings_.set("window/geometry", saveGeometry());
   settings_.set("window/columns", columns_->saveState());
   settings_.set("window/right", right_->saveState());
-  for (const char* name : {"show-viewport", "show-inspector", "show-strip"})
+  for (const char* name : {"show-viewport", "show-inspector", "show-strip", "show-report"})
     settings_.set(QStringLiteral("window/") + name, action(name)->isChecked());
   settings_.setFitOptions(document_.fitOptions());
   settings_.set("viewport/exposure_ev", document_.lamp().exposureEv);
@@ -394,6 +500,7 @@ void MainWindow::keepState() {
   settings_.set("inspector/page", inspector_->page());
   settings_.set("inspector/follow", inspector_->followsCursor());
   settings_.set("inspector/phase_about_lobe", inspector_->phaseAboutLobe());
+  twoShot_->keepState();
   settings_.sync();
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <string_view>
 
 namespace patina {
@@ -17,7 +18,7 @@ struct Stage {
 };
 
 // In the order in which a fit passes through them.
-constexpr std::array<Stage, 8> kStages{{
+constexpr std::array<Stage, 8> kFourierStages{{
     {"read", "Reading photographs", 0.09, "read"},
     {"geometry", "Preparing geometry", 0.02, "geometry"},
     {"solve", "Fitting texels", 0.65, "solve"},
@@ -28,12 +29,34 @@ constexpr std::array<Stage, 8> kStages{{
     {"holdout", "Predicting held-out photographs", 0.03, "holdout"},
 }};
 
+constexpr std::array<Stage, 4> kTwoShotStages{{
+    {"read", "Reading photographs", 0.3, "read"},
+    {"solve", "Solving", 0.2, "solve"},
+    {"posterior", "Judging what was measured", 0.3, "posterior"},
+    {"predict", "Predicting the photographs", 0.2, "predict"},
+}};
+
+/// Stages that have a time of their own: nothing is learned from them.
+constexpr std::array<Stage, 6> kOtherStages{{
+    {"built-in basis", "Making the built-in basis (once)", 0, ""},
+    {"observe", "Measuring the sample's pixels", 0, ""},
+    {"unmap", "Making the reflectance", 0, ""},
+    {"restart", "Searching for directions", 0, ""},
+    {"search", "Searching for directions", 0, ""},
+    {"expose", "Exposing", 0, ""},
+}};
+
+std::span<const Stage> stagesOf(ProgressEstimate::Work work) {
+  return work == ProgressEstimate::Work::TwoShotFit ? std::span<const Stage>(kTwoShotStages)
+                                                    : std::span<const Stage>(kFourierStages);
+}
+
 /// What a stage that nobody told us of takes of the time that is left, for want of anything better.
 constexpr double kUnknownShare = 0.05;
 
-double typicalShareOf(std::string_view timedAs) {
+double typicalShareOf(std::span<const Stage> stages, std::string_view timedAs) {
   double sum = 0;
-  for (const Stage& stage : kStages)
+  for (const Stage& stage : stages)
     if (timedAs == stage.timedAs) sum += stage.share;
   return sum;
 }
@@ -41,25 +64,26 @@ double typicalShareOf(std::string_view timedAs) {
 }  // namespace
 
 ProgressEstimate::ProgressEstimate(const std::map<std::string, double>& secondsByStage,
-                                   Clock::time_point start)
-    : start_(start) {
+                                   Clock::time_point start, Work work)
+    : work_(work), start_(start) {
+  const auto stages = stagesOf(work);
   // Seconds by key, each key once; keys of the earlier run that we don't know ("total") say nothing.
   std::map<std::string, double> seconds;
   double known = 0, knownShare = 0;
-  for (const Stage& stage : kStages) {
+  for (const Stage& stage : stages) {
     const auto entry = secondsByStage.find(stage.timedAs);
     if (entry == secondsByStage.end() || !(entry->second >= 0) || seconds.count(stage.timedAs)) continue;
     seconds[stage.timedAs] = entry->second;
     known += entry->second;
-    knownShare += typicalShareOf(stage.timedAs);
+    knownShare += typicalShareOf(stages, stage.timedAs);
   }
   // A stage without a time (the earlier bundle held nothing out, say) has its typical part.
   const double secondsOfAll = known > 0 ? known / knownShare : 1;
   double sum = 0;
-  for (const Stage& stage : kStages) {
+  for (const Stage& stage : stages) {
     const auto entry = seconds.find(stage.timedAs);
     share_[stage.id] = known > 0 && entry != seconds.end()
-                           ? entry->second * stage.share / typicalShareOf(stage.timedAs)
+                           ? entry->second * stage.share / typicalShareOf(stages, stage.timedAs)
                            : secondsOfAll * stage.share;
     sum += share_[stage.id];
   }
@@ -72,7 +96,7 @@ void ProgressEstimate::update(const std::string& stage, std::int64_t done, std::
     stage_ = stage;
     double before = 0, after = 0;
     bool found = false;
-    for (const Stage& known : kStages) {
+    for (const Stage& known : stagesOf(work_)) {
       if (stage == known.id)
         found = true;
       else
@@ -91,9 +115,10 @@ void ProgressEstimate::update(const std::string& stage, std::int64_t done, std::
     left_ = std::chrono::seconds(std::lround(std::ceil(elapsed * (1 - fraction_) / fraction_)));
 }
 
-std::string ProgressEstimate::title(const std::string& stage) {
-  for (const Stage& known : kStages)
-    if (stage == known.id) return known.title;
+std::string ProgressEstimate::title(const std::string& stage, Work work) {
+  for (const std::span<const Stage> stages : {stagesOf(work), std::span<const Stage>(kOtherStages)})
+    for (const Stage& known : stages)
+      if (stage == known.id) return known.title;
   return stage;
 }
 

@@ -13,10 +13,13 @@ class ProgressEstimate {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `secondsByStage`: FourierFitStats::seconds of an earlier run; what is missing there has the share of a
+  /// Which stages there are.
+  enum class Work { FourierFit, TwoShotFit };
+
+  /// `secondsByStage`: the seconds of an earlier run's stats; what is missing there has the share of a
   /// typical one.
   explicit ProgressEstimate(const std::map<std::string, double>& secondsByStage = {},
-                            Clock::time_point start = Clock::now());
+                            Clock::time_point start = Clock::now(), Work work = Work::FourierFit);
 
   /// Notes that `stage` has `done` of `total`. A stage that is not known moves the bar a little.
   void update(const std::string& stage, std::int64_t done, std::int64_t total,
@@ -28,9 +31,11 @@ class ProgressEstimate {
   std::optional<std::chrono::seconds> left() const { return left_; }
 
   /// A stage's id as a person reads it: "solve" is "Fitting texels". An unknown id is returned as it is.
-  static std::string title(const std::string& stage);
+  static std::string title(const std::string& stage, Work work = Work::FourierFit);
+  Work work() const { return work_; }
 
  private:
+  Work work_;
   std::map<std::string, double> share_;
   Clock::time_point start_;
   std::string stage_;         ///< the one that last reported

@@ -32,6 +32,7 @@ Services Services::engine() {
   };
   for (const std::string& scene : simulatedSceneNames())
     services.scenes.emplace_back(scene, simulatedSceneSummary(scene));
+  services.addTwoShot();
   return services;
 }
 

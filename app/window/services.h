@@ -8,7 +8,10 @@
 #include <vector>
 
 #include "engine/capture/capture.h"
+#include "engine/capture/two_shot_capture.h"
 #include "engine/fourier/fit.h"
+#include "engine/twoshot/fit.h"
+#include "engine/twoshot/plan.h"
 
 namespace patina {
 
@@ -29,8 +32,38 @@ struct Services {
   /// Name and description of each scene.
   std::vector<std::pair<std::string, std::string>> scenes;
 
+  /// The kind that a bundle's folder says it holds: "fourier", "two-shot", ...
+  std::function<Result<std::string>(const std::filesystem::path&)> captureKind;
+  /// The kind that the fit.json of a folder says it is; "" where it can't be told.
+  std::function<std::string(const std::filesystem::path&)> fitKind;
+
+  // Two-shot. `basisFile`: empty for the built-in basis.
+  using TwoShotFitPtr = std::shared_ptr<const TwoShotFit>;
+  std::function<Result<TwoShotCapture>(const std::filesystem::path& folder, const JobContext&)> readTwoShot;
+  std::function<Result<Image>(const TwoShotCapture&, const TwoShotPhoto&)> readTwoShotPhoto;
+  std::function<Result<TwoShotFitPtr>(const TwoShotCapture&, const std::filesystem::path& basisFile,
+                                      const TwoShotFitOptions&, const JobContext&)>
+      fitTwoShot;
+  std::function<Status(const std::filesystem::path& folder, const TwoShotFit&)> writeTwoShotFit;
+  std::function<Result<TwoShotFitPtr>(const std::filesystem::path& folder, const JobContext&)> loadTwoShotFit;
+  std::function<Result<Plan>(const std::filesystem::path& basisFile, const PlanOptions&, const JobContext&)>
+      plan;
+  /// What directions that were used are expected to do.
+  std::function<Result<Plan>(const std::filesystem::path& basisFile, const std::vector<ShotDirections>&,
+                             const NearFieldDisc&, BasisRegion, double eta, const JobContext&)>
+      expect;
+  /// Writes the plan, and its drawing beside it with the ending .svg.
+  std::function<Status(const std::filesystem::path& file, const Plan&)> writePlan;
+  std::function<Result<TwoShotCapture>(const std::string& scene, const std::filesystem::path& folder,
+                                       const JobContext&)>
+      simulateTwoShot;
+  std::vector<std::pair<std::string, std::string>> twoShotScenes;
+
   /// The real ones.
   static Services engine();
+
+ private:
+  void addTwoShot();
 };
 
 }  // namespace patina

@@ -7,6 +7,8 @@
 #include <string>
 
 #include "engine/fourier/options.h"
+#include "engine/twoshot/plan.h"
+#include "widgets/two_shot_document.h"
 
 namespace patina {
 
@@ -23,9 +25,16 @@ class Settings {
 
   FourierFitOptions fitOptions() const;
   void setFitOptions(const FourierFitOptions& options);
-  /// Seconds by stage of the last finished fit: what the time left is judged by.
-  std::map<std::string, double> stageSeconds() const;
-  void setStageSeconds(const std::map<std::string, double>& seconds);
+  TwoShotChoices twoShotChoices() const;
+  void setTwoShotChoices(const TwoShotChoices& choices);
+  /// What directions were planned with; the pictures given are not kept.
+  PlanOptions planOptions() const;
+  void setPlanOptions(const PlanOptions& options);
+  /// Seconds by stage of the last finished fit: what the time left is judged by. `group` tells kinds of fits
+  /// apart.
+  std::map<std::string, double> stageSeconds(const QString& group = QStringLiteral("stages")) const;
+  void setStageSeconds(const std::map<std::string, double>& seconds,
+                       const QString& group = QStringLiteral("stages"));
 
   QByteArray bytes(const QString& key) const { return store_.value(key).toByteArray(); }
   QString text(const QString& key) const { return store_.value(key).toString(); }
