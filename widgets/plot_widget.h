@@ -25,7 +25,8 @@ struct PlotSeries {
   Mark mark = Mark::Line;
   std::vector<QPointF> points;
   double penWidth = 1.5;
-  std::optional<QString> legend;  ///< what the legend says instead of the name; empty: not listed
+  std::optional<QString> legend =
+      std::nullopt;  ///< what the legend says instead of the name; empty: not listed
 };
 
 struct PlotAxis {
