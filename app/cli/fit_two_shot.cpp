@@ -29,6 +29,19 @@ std::optional<Number> parseNumber(const std::string& text) {
   return value;
 }
 
+/// Small photographs twice, three times, ... as large, so that a label fits below.
+Image enlarged(const Image& small) {
+  constexpr int kLeastWidth = 300;
+  const int times = std::max(1, (kLeastWidth + small.width() - 1) / small.width());
+  Image large(small.width() * times, small.height() * times, small.channels());
+  for (int y = 0; y < large.height(); ++y) {
+    for (int x = 0; x < large.width(); ++x) {
+      for (int c = 0; c < large.channels(); ++c) large.at(x, y, c) = small.at(x / times, y / times, c);
+    }
+  }
+  return large;
+}
+
 /// Captured, predicted and their difference for one photograph, side by side; the difference in colours from
 /// 0 to half of the brightness shown as white.
 Image comparisonRow(const TwoShotComparison& comparison) {
@@ -46,7 +59,8 @@ Image comparisonRow(const TwoShotComparison& comparison) {
   char error[64];
   std::snprintf(error, sizeof error, "difference, RMS %.1f %%", 100 * comparison.rms);
   return labelledRow(
-      {toneMap(comparison.captured, exposure), toneMap(comparison.rendered, exposure), difference},
+      {enlarged(toneMap(comparison.captured, exposure)), enlarged(toneMap(comparison.rendered, exposure)),
+       enlarged(difference)},
       {comparison.file + (comparison.holdout ? ", held out" : ", fitted"), "predicted", error});
 }
 

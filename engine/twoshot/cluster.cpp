@@ -12,13 +12,18 @@
 namespace patina {
 namespace {
 
-constexpr std::size_t kMostSamples = 12'000;  // for the centres; every pixel is labelled afterwards
-constexpr int kStarts = 8, kSteps = 50, kTrendRounds = 4;
-constexpr double kLeastSeparation = 5;
+constexpr std::size_t kMostSamples = 3'000;  // for the centres; every pixel is labelled afterwards
+constexpr int kStarts = 5, kSteps = 40, kTrendRounds = 4;
+constexpr double kLeastSeparation = 3.5, kLeastStep = 0.5;
+constexpr int kStepPixels = 3;  // beyond what a lens blurs
+constexpr std::size_t kFewestSteps = 20;
 constexpr double kLeastDistance = 0.05;  // natural-log units
 constexpr double kLeastShare = 0.01;
-/// The logarithm's floor, as a share of the median: black pixels are one colour, not many.
-constexpr double kFloorShare = 0.01;
+/// Added before the logarithm, as a share of the median: noise around black is one colour, not many.
+constexpr double kFloorShare = 0.1;
+constexpr double kNoisy = 0.05;
+/// Of the pixels: what is looked at to find the colours.
+constexpr double kFlatShare = 0.6;
 
 using Features = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using Trend = Eigen::Matrix<double, Eigen::Dynamic, 5, Eigen::RowMajor>;
@@ -148,6 +153,34 @@ double separationOf(const Features& flat, const Clusters& clusters) {
   return least;
 }
 
+/// What happens at the borders: for pixels three apart with different labels, the median of their difference
+/// along the line between the centres, over the centres' distance; the least of all pairs of clusters that
+/// meet. About 1 for materials that meet in a step, near 0 where a cluster ends on a gradient of one
+/// material.
+double stepAtBorders(const SampleView& view, const std::vector<std::size_t>& pixels,
+                     const std::vector<Eigen::RowVector3d>& flat, const Clusters& clusters) {
+  std::vector<std::int8_t> label(flat.size(), -1);
+  for (const std::size_t i : pixels) label[i] = static_cast<std::int8_t>(nearestCentre(clusters, flat[i]));
+  const auto count = static_cast<int>(clusters.centres.rows());
+  std::vector<std::vector<double>> steps(static_cast<std::size_t>(count) * count);
+  for (const std::size_t i : pixels) {
+    const int x = static_cast<int>(i % view.width), y = static_cast<int>(i / view.width);
+    for (const auto& [px, py] : {std::pair{x + kStepPixels, y}, std::pair{x, y + kStepPixels}}) {
+      if (px >= view.width || py >= view.height) continue;
+      const std::size_t j = view.index(px, py);
+      if (label[j] < 0 || label[j] == label[i]) continue;
+      const Eigen::RowVector3d line = clusters.centres.row(label[i]) - clusters.centres.row(label[j]);
+      const int pair = std::min(label[i], label[j]) * count + std::max(label[i], label[j]);
+      steps[pair].push_back((flat[i] - flat[j]).dot(line) / line.squaredNorm());
+    }
+  }
+  double least = 1;
+  for (std::vector<double>& pair : steps) {
+    if (pair.size() >= kFewestSteps) least = std::min(least, median(pair));
+  }
+  return least;
+}
+
 /// How far a picture's pixels are from the mirror direction, mean thetaH.
 double meanThetaH(const ReflectancePicture& picture) {
   double sum = 0;
@@ -160,34 +193,65 @@ double meanThetaH(const ReflectancePicture& picture) {
   return count > 0 ? sum / static_cast<double>(count) : 0;
 }
 
-/// Logarithms of the means over 3 x 3 usable pixels; NaN where none is.
+/// ln(f + floor), of single pixels or, where noise is more than 5 % of the median, of means over 3 x 3.
 std::vector<Eigen::RowVector3d> logColours(const ReflectancePicture& picture) {
   const SampleView& view = picture.view;
   Eigen::RowVector3d floor;
+  bool noisy = false;
   for (int c = 0; c < 3; ++c) {
-    std::vector<double> values;
-    for (std::size_t i = 0; i < picture.usable.size(); ++i)
-      if (picture.usable[i]) values.push_back(picture.brdf.samples()[3 * i + c]);
-    floor[c] = values.empty() ? 1e-6 : std::max(kFloorShare * median(values), 1e-6);
+    std::vector<double> values, variances;
+    for (std::size_t i = 0; i < picture.usable.size(); ++i) {
+      if (!picture.usable[i]) continue;
+      values.push_back(picture.brdf.samples()[3 * i + c]);
+      variances.push_back(picture.variance.samples()[3 * i + c]);
+    }
+    const double middle = values.empty() ? 0 : median(values);
+    floor[c] = std::max(kFloorShare * middle, 1e-6);
+    noisy |= !variances.empty() && std::sqrt(median(variances)) > kNoisy * middle;
   }
-  std::vector<Eigen::RowVector3d> colours(
-      picture.usable.size(), Eigen::RowVector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  std::vector<Eigen::RowVector3d> colours(picture.usable.size(), Eigen::RowVector3d::Zero());
+  const int radius = noisy ? 1 : 0;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       if (!picture.usable[view.index(x, y)]) continue;
       Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
       int count = 0;
-      for (int j = std::max(y - 1, 0); j <= std::min(y + 1, view.height - 1); ++j) {
-        for (int i = std::max(x - 1, 0); i <= std::min(x + 1, view.width - 1); ++i) {
+      for (int j = std::max(y - radius, 0); j <= std::min(y + radius, view.height - 1); ++j) {
+        for (int i = std::max(x - radius, 0); i <= std::min(x + radius, view.width - 1); ++i) {
           if (!picture.usable[view.index(i, j)]) continue;
           for (int c = 0; c < 3; ++c) sum[c] += picture.brdf.at(i, j, c);
           ++count;
         }
       }
-      colours[view.index(x, y)] = (sum / count).cwiseMax(floor).array().log();
+      colours[view.index(x, y)] = ((sum / count).cwiseMax(0.0) + floor).array().log();
     }
   }
   return colours;
+}
+
+/// The flattest part of the pixels: those that differ least from their neighbours. Pixels on a border mix two
+/// materials and would look like a third.
+std::vector<std::size_t> flattest(const SampleView& view, const std::vector<std::size_t>& pixels,
+                                  const std::vector<std::uint8_t>& usable,
+                                  const std::vector<Eigen::RowVector3d>& colours) {
+  std::vector<double> slopes;
+  for (const std::size_t i : pixels) {
+    double slope = 0;
+    // The sample's inside has neighbours on all sides.
+    for (const std::size_t j : {i - 1, i + 1, i - view.width, i + view.width}) {
+      if (usable[j]) slope = std::max(slope, (colours[i] - colours[j]).cwiseAbs().maxCoeff());
+    }
+    slopes.push_back(slope);
+  }
+  std::vector<double> sorted = slopes;
+  const auto at =
+      sorted.begin() + static_cast<std::ptrdiff_t>(kFlatShare * static_cast<double>(sorted.size()));
+  if (at == sorted.end()) return pixels;
+  std::nth_element(sorted.begin(), at, sorted.end());
+  std::vector<std::size_t> flat;
+  for (std::size_t i = 0; i < pixels.size(); ++i)
+    if (slopes[i] <= *at) flat.push_back(pixels[i]);
+  return flat;
 }
 
 Eigen::Matrix<double, 1, 5> placeOf(const Eigen::Vector2f& positionMm, double scaleMm) {
@@ -235,12 +299,13 @@ MaterialMap clusterMaterials(const TwoShotCapture& capture, const std::vector<Re
   std::vector<std::size_t> pixels;
   for (std::size_t i = 0; i < colours.size(); ++i)
     if (picture.usable[i]) pixels.push_back(i);
-  const std::size_t stride = std::max<std::size_t>(1, pixels.size() / kMostSamples);
-  const auto n = static_cast<Eigen::Index>((pixels.size() + stride - 1) / stride);
+  const std::vector<std::size_t> flatPixels = flattest(view, pixels, picture.usable, colours);
+  const std::size_t stride = std::max<std::size_t>(1, flatPixels.size() / kMostSamples);
+  const auto n = static_cast<Eigen::Index>((flatPixels.size() + stride - 1) / stride);
   Features raw(n, 3);
   Trend place(n, 5);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const std::size_t pixel = pixels[i * stride];
+    const std::size_t pixel = flatPixels[i * stride];
     raw.row(i) = colours[pixel];
     place.row(i) = placeOf(view.positionMm[pixel], scaleMm);
   }
@@ -252,7 +317,12 @@ MaterialMap clusterMaterials(const TwoShotCapture& capture, const std::vector<Re
     Eigen::Matrix<double, 5, 3> trend;
     Clusters clusters = clusterWithTrend(raw, place, k, job.seed, &trend);
     const double separation = separationOf(raw - place * trend, clusters);
-    if (count == 0 && separation < kLeastSeparation) continue;
+    if (count == 0) {
+      if (separation < kLeastSeparation) continue;
+      std::vector<Eigen::RowVector3d> flat = colours;
+      for (const std::size_t i : pixels) flat[i] -= placeOf(view.positionMm[i], scaleMm) * trend;
+      if (stepAtBorders(view, pixels, flat, clusters) < kLeastStep) continue;
+    }
     map.count = k, map.separation = separation;
     chosen = std::move(clusters), chosenTrend = trend;
   }

@@ -31,14 +31,17 @@ struct MaterialMap {
 /// diffuse picture); the rest is ours:
 ///
 /// - The picture: of those fitted, the one whose pixels are on the mean farthest from the mirror direction.
-/// - Features: natural logarithms of R, G, B, means over 3 x 3 pixels, minus a quadratic surface over the
-/// sample
+/// - Features: natural logarithms of R, G, B (means over 3 x 3 pixels where they are noisy), minus a
+/// quadratic surface over the sample
 ///   that all materials share (what light and view do to a diffuse material), found in turn with the labels.
-/// - k-means from the best of eight seeded starts, deterministic.
-/// - `count` 0: the largest number up to kMostMaterials for which any two centres are at least five robust
-///   standard deviations apart, measured within the two clusters along the line between them, and 5 % in
-///   value, and each material has 1 % of the sample. k-means cuts one Gaussian cloud at 2.7 and a uniform one
-///   at 3.5 standard deviations, so a homogeneous sample, grainy or not, stays one.
+/// - Centres from the 60 % of the pixels that differ least from their neighbours: others mix two materials.
+/// - k-means from the best of five seeded starts, deterministic.
+/// - `count` 0: the largest number up to kMostMaterials for which any two centres are at least 3.5 robust
+/// standard
+///   deviations apart (measured within the two clusters along the line between them) and 5 % in value, each
+///   material has 1 % of the sample, and colours step at the borders: pixels three apart on either side
+///   differ by half of the centres' distance or more. k-means cuts one Gaussian cloud, grain or noise, at 2.7
+///   standard deviations, and a gradient of one material has no steps, so a homogeneous sample stays one.
 ///
 /// Never fails; fewer materials than asked for where there are fewer colours.
 MaterialMap clusterMaterials(const TwoShotCapture& capture, const std::vector<ReflectancePicture>& pictures,

@@ -15,13 +15,45 @@ namespace {
 /// variance changes by less than that.
 constexpr double kSmallestShrink = 0.01;
 
-double rootMeanSquare(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double v : values) sum += v * v;
-  return values.empty() ? 0 : std::sqrt(sum / static_cast<double>(values.size()));
+/// Calibration, exponent and the residuals' range from the materials left out; `predicted`: variance, mean
+/// over cells.
+void calibrate(const LeaveOneOut& left, double predicted, Posterior* posterior) {
+  std::vector<double> sorted;
+  double meanX = 0, meanY = 0;
+  for (std::size_t i = 0; i < left.rms.size(); ++i) {
+    if (!(left.residual[i] > 0) || !(left.rms[i] > 0)) continue;
+    sorted.push_back(left.residual[i]);
+    meanX += std::log(left.residual[i]), meanY += std::log(left.rms[i]);
+  }
+  if (sorted.size() < 3 || !(predicted > 0)) return;
+  const auto count = static_cast<double>(sorted.size());
+  meanX /= count, meanY /= count;
+  double xx = 0, xy = 0;
+  for (std::size_t i = 0; i < left.rms.size(); ++i) {
+    if (!(left.residual[i] > 0) || !(left.rms[i] > 0)) continue;
+    const double x = std::log(left.residual[i]) - meanX;
+    xx += x * x, xy += x * (std::log(left.rms[i]) - meanY);
+  }
+  std::sort(sorted.begin(), sorted.end());
+  posterior->exponent = xx > 0 ? std::clamp(xy / xx, 0.0, 1.0) : 0;
+  posterior->typicalResidual = std::exp(meanX);
+  posterior->smallestResidual = sorted[sorted.size() * 5 / 100];
+  posterior->largestResidual = sorted[sorted.size() * 95 / 100];
+  double squares = 0;
+  for (std::size_t i = 0; i < left.rms.size(); ++i) {
+    if (!(left.residual[i] > 0) || !(left.rms[i] > 0)) continue;
+    const double scaled = left.rms[i] / posterior->widening(left.residual[i]);
+    squares += scaled * scaled / count;
+  }
+  posterior->calibration = std::sqrt(squares / predicted);
 }
 
 }  // namespace
+
+double Posterior::widening(double residual) const {
+  if (!(typicalResidual > 0)) return 1;
+  return std::pow(std::max(residual, smallestResidual) / typicalResidual, exponent);
+}
 
 LeaveOneOut leaveOneOut(const Basis& basis, const RowFactor& rows, double rowWeight, double eta,
                         BasisRegion region, const std::vector<int>& only, const JobContext& job) {
@@ -78,14 +110,9 @@ Posterior makePosterior(const Basis& basis, const Eigen::MatrixXd& directions,
   double predicted = prior;
   for (Eigen::Index i = 0; i < rank; ++i)
     predicted -= shrink[i] * half.col(i).dot(directions.col(i)) / (m * cells);
-  const double unseen = rootMeanSquare(left.rms);
-  if (predicted > 0 && unseen > 0) posterior.calibration = unseen / std::sqrt(predicted);
-  posterior.typicalResidual = rootMeanSquare(left.residual);
-  std::vector<double> sorted = left.residual;
-  std::sort(sorted.begin(), sorted.end());
-  if (!sorted.empty()) posterior.largestResidual = sorted[sorted.size() * 95 / 100];
-  if (posterior.typicalResidual > 0) posterior.outside = std::max(1.0, residual / posterior.typicalResidual);
-  const double factor = posterior.calibration * posterior.outside;
+  calibrate(left, predicted, &posterior);
+  posterior.fit = posterior.widening(residual);
+  const double factor = posterior.calibration * posterior.fit;
   posterior.scale = factor * factor / m;
   posterior.priorSd = factor * std::sqrt(prior);
   return posterior;

@@ -234,10 +234,19 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
       loaded.shots[s].noise = estimateNoise({&loaded.shots[s].pixels, &views[g].inside});
     }
   }
+  std::optional<Error> unusable;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
     Result<ReflectancePicture> picture =
         makePicture(capture, groups[g], loaded.shots, std::move(views[g]), &loaded.remarks);
+    if (!picture && picture.error().code == ErrorCode::Invalid &&
+        loaded.pictures.size() + groups.size() - g > 1) {
+      // One photograph that can't be used doesn't spoil the others, but it is said.
+      unusable = picture.error();
+      loaded.remarks.push_back("Left out: " + unusable->sentence());
+      job.warn(loaded.remarks.back());
+      continue;
+    }
     if (!picture) return picture.error();
     loaded.pictures.push_back(std::move(*picture));
   }

@@ -65,8 +65,9 @@ struct LoadedCapture {
   std::vector<std::string> remarks;          ///< sentences on whites of other cameras, clipping
 };
 
-/// Reads the fitted shots and their white photographs. Errors: those of `readPhoto`; Invalid where a picture
-/// has nothing to fit (black, clipped, white black, sample not in view), named; Cancelled.
+/// Reads the fitted shots and their white photographs. A picture that has nothing to fit (black, clipped, its
+/// white black, the sample not in view) is left out, with the reason among the remarks. Errors: those of
+/// `readPhoto`; Invalid where no picture is left, with the last one's reason; Cancelled.
 Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobContext& job);
 
 /// E cos(thetaI) for one shot: its own `normalIrradiance`, or white photographs under the same light. Where

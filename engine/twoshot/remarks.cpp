@@ -156,6 +156,8 @@ std::vector<std::string> remarksOn(const TwoShotMaterial& material, const Basis&
       const double sd = (*material.posteriorSd)[cell];
       if (sd < 0) continue;
       const HalfDiffAngles angles = MerlGrid::centre(cell);
+      const DirectionPair pair = directionsFromHalfDiff(angles);
+      if (std::min(pair.toLight.z(), pair.toView.z()) < std::cos(kTrustedAngleDeg / kDegrees)) continue;
       for (std::size_t z = 0; z < kZones.size(); ++z) {
         if (kZones[z].holds(angles)) variance[z] += sd * sd, cells[z] += 1;
       }
@@ -173,7 +175,7 @@ std::vector<std::string> remarksOn(const TwoShotMaterial& material, const Basis&
       (measured[z] >= kMeasuredShare * allWeight ? seen : guessed).push_back(zone);
     }
     std::string sentence =
-        "Photographed, with the uncertainty of one standard deviation: " +
+        "Photographed, with one standard deviation (light and view within 81 degrees of the normal): " +
         (seen.empty() ? std::string("nothing of the hemisphere's main parts") : joined(seen)) + ".";
     if (!guessed.empty()) sentence += " Extrapolated from what the basis knows: " + joined(guessed) + ".";
     say(sentence);
