@@ -179,9 +179,10 @@ int runTwoShotFit(const std::string& bundle, const std::string& out, const TwoSh
 
   Result<std::shared_ptr<const TwoShotFit>> fit = fitTwoShot(*capture, *basis, options, job);
   if (!fit) return context.fail(fit.error());
-  // A cancelled fit is kept as far as it came, so its pictures must not stop half way.
+  // The fit is there, whole or as far as it came: its pictures, a second or two, don't stop half way and lose
+  // it.
   JobContext pictures = job;
-  if ((*fit)->stats.cancelled) pictures.stop = {};
+  pictures.stop = {};
   Status written = writeTwoShotFit(
       out, **fit, [&](const fs::path& folder) { return writePictures(folder, **fit, pictures); });
   if (!written) return context.fail(written.error());

@@ -1,9 +1,11 @@
 #include "app/cli/interrupt.h"
 
+#include <fcntl.h>
 #include <signal.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cstdlib>
 #include <thread>
 
@@ -19,6 +21,17 @@ void tell(const char* text, std::size_t length) {
   if (::write(STDERR_FILENO, text, length) < 0) return;  // nobody is listening any more
 }
 
+volatile int wakeUp = -1;
+
+void onSignal(int) {
+  const int before = errno;
+  const char byte = 1;
+  if (::write(wakeUp, &byte, 1) < 0) {
+    // Full: there is a byte for the reader already.
+  }
+  errno = before;
+}
+
 }  // namespace
 
 void sayNothingOnInterrupt(bool nothing) {
@@ -31,24 +44,35 @@ std::stop_token stopOnInterrupt() {
   ::signal(SIGXFSZ, SIG_IGN);
   ::signal(SIGPIPE, SIG_IGN);
 
-  // Signals are taken by a thread of their own, where everything is allowed. All later threads inherit the
-  // mask.
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  struct sigaction hangup {};
-  ::sigaction(SIGHUP, nullptr, &hangup);
-  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);  // nohup wants it ignored
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  // A handler may do next to nothing, so it writes a byte to a pipe, and a thread of our own reads it, where
+  // everything is allowed. (Blocking the signals and waiting for them is not enough: libraries start threads
+  // before main, without the mask.)
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) return {};
+  wakeUp = ends[1];
+  const auto handle = [](int number) {
+    struct sigaction before {};
+    ::sigaction(number, nullptr, &before);
+    if (before.sa_handler == SIG_IGN) return;  // nohup wants SIGHUP ignored
+    struct sigaction action {};
+    action.sa_handler = onSignal;
+    action.sa_flags = SA_RESTART;
+    ::sigaction(number, &action, nullptr);
+  };
+  handle(SIGINT);
+  handle(SIGTERM);
+  handle(SIGHUP);
 
   // Never destroyed: the thread may still use it while the process ends.
   static std::stop_source& source = *new std::stop_source;
-  std::thread([signals] {
+  std::thread([from = ends[0]] {
     constexpr char first[] = "\nCancelling; what is finished is kept. Once more ends at once.\n";
     constexpr char second[] = "\nEnded at once. A hidden folder named *.partial-* may be left over.\n";
-    int signal = 0;
-    while (::sigwait(&signals, &signal) == 0) {
+    char byte = 0;
+    for (;;) {
+      const ssize_t got = ::read(from, &byte, 1);
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) return;
       if (source.stop_requested()) {
         tell(second, sizeof second - 1);
         ::_exit(kCancelled);

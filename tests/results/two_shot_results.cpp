@@ -31,6 +31,10 @@ int run(int argc, char** argv) {
   const auto wanted = [&](const char* name) {
     return only.empty() || std::find(only.begin(), only.end(), name) != only.end();
   };
+  if (!fs::exists(page.data / "measured")) {
+    std::cerr << "No test data in " << page.data.string() << ". Try: set PATINA_TEST_DATA, or --data\n";
+    return 77;  // what ctest takes for skipped
+  }
   try {
     Result<BasisPtr> basis = builtInBasis({});
     if (!basis) throw std::runtime_error(basis.error().sentence());

@@ -149,6 +149,7 @@ void writeErrorAgainstImages(TwoShotPage& page) {
       const double worst = *std::max_element(errors.begin(), errors.end());
       line.points.emplace_back(n, mean(errors));
       found[series.name + "/" + std::to_string(n)] = mean(errors);
+      found[series.name + "/" + std::to_string(n) + "/worst"] = worst;
       page.text << "| " << series.name << ", " << n << " | "
                 << (series.metric == ExpectedError ? "expected error" : "condition number") << " | "
                 << number(plan.expected.training) << " | " << number(mean(errors)) << " | " << number(worst)
@@ -174,9 +175,12 @@ void writeErrorAgainstImages(TwoShotPage& page) {
                "ship. Two images reach 0.217 there; on the\n"
                "plain networks, with our ten, the bound is ours.\n\n";
   page.text << "| bound | allowed | reached |\n| --- | ---: | ---: |\n";
-  for (const Bound& bound : {Bound{"points/5", 0.27, "5 points"}, Bound{"points/20", 0.155, "20 points"},
-                             Bound{"fixed camera, 25 degrees/2", 0.27, "fixed camera, 2 images"},
-                             Bound{"25 degrees/2", 0.26, "2 images of 25 degrees (ours)"}}) {
+  for (const Bound& bound :
+       {Bound{"points/5", 0.27, "5 points"}, Bound{"points/20", 0.155, "20 points"},
+        Bound{"fixed camera, 25 degrees/2", 0.27, "fixed camera, 2 images"},
+        Bound{"25 degrees/2", 0.26, "2 images of 25 degrees, mean (0.22 on the corrected networks)"},
+        Bound{"25 degrees/2/worst", 0.55,
+              "2 images of 25 degrees, worst (0.45 on the corrected networks)"}}) {
     const auto at = found.find(bound.key);
     if (at == found.end()) continue;
     const bool beyond = at->second > bound.bound;
@@ -356,7 +360,7 @@ void writeMeasuredMaterials(TwoShotPage& page) {
                "(6, 15, 37.5) +\n(16, 67, 89). Three: those and (42, 25, 60). The last column is against "
                "the\nmeasurement with light and view averaged: the files are not quite reciprocal (0.12 in "
                "the median), which no reconstruction can follow.\n\n| material | 1 image | 2 "
-               "images | 2, trusted | 3 images |\n"
+               "images | 2, trusted | 3 images | 3, reciprocal |\n"
                "| --- | ---: | ---: | ---: | ---: | ---: |\n";
   for (const Row& row : rows) {
     page.text << "| " << row.name;
@@ -375,14 +379,24 @@ void writeMeasuredMaterials(TwoShotPage& page) {
   }
   std::vector<std::vector<double>> errors(sets.size());
   std::vector<double> reciprocal;
-  double worstMatte = 0;
+  double worstMatte = 0, worstMatteAsIs = 0;
   for (const Row& row : rows) {
     if (row.name.starts_with("retro")) continue;
+    // These measurements have something in all directions: a refusal is ours to answer for.
+    if (std::any_of(row.tried.begin(), row.tried.end(),
+                    [](const Tried& t) { return !std::isfinite(t.logRms); })) {
+      page.text << "| " << row.name << " **was refused** | | | | | |\n";
+      page.within = false;
+      continue;
+    }
     for (std::size_t i = 0; i < sets.size(); ++i) errors[i].push_back(row.tried[i].logRms);
     reciprocal.push_back(row.tried.back().reciprocalRms);
     // By their makers' names; nothing that the program sees.
     for (const char* matte : {"felt", "paper", "cardboard", "matte"})
-      if (row.name.find(matte) != std::string::npos) worstMatte = std::max(worstMatte, reciprocal.back());
+      if (row.name.find(matte) != std::string::npos) {
+        worstMatte = std::max(worstMatte, reciprocal.back());
+        worstMatteAsIs = std::max(worstMatteAsIs, errors.back().back());
+      }
   }
   for (const auto& [name, statistic] :
        {std::pair{"median", &median},
@@ -393,12 +407,21 @@ void writeMeasuredMaterials(TwoShotPage& page) {
     page.text << " | " << number(statistic(reciprocal)) << " |\n";
   }
   const double reachedMedian = median(errors.back()), reachedMean = mean(errors.back());
-  page.text << "\nBounds with three images: median at most 0.33 (here " << number(reachedMedian)
-            << "), mean at most 0.43 (here " << number(reachedMean)
-            << ").\nWhat the basis lacks (retroreflection, colours that change with the angle, flakes) is at "
-               "the top of "
-               "the list.\n\n";
-  if (!page.quick && (reachedMedian > 0.33 || reachedMean > 0.43 || worstMatte > 0.23)) page.within = false;
+  page.text << "\n| bound with three images, " << reciprocal.size()
+            << " materials | allowed | reached |\n| --- | ---: | ---: |\n";
+  const auto bound = [&](const char* what, double allowed, double reached) {
+    const bool kept = reached <= allowed;  // false for NaN too
+    page.text << "| " << what << " | " << number(allowed, 2) << " | " << number(reached)
+              << (kept ? "" : " **beyond**") << " |\n";
+    if (!kept && !page.quick) page.within = false;
+  };
+  bound("median", 0.33, median(errors.back()));
+  bound("mean", 0.43, mean(errors.back()));
+  bound("felts, paper, cardboard, matte lacquer: worst against the files as they are", 0.25, worstMatteAsIs);
+  bound("the same against light and view averaged", 0.23, worstMatte);
+  page.text << "\nWhat the basis lacks (retroreflection, colours that change with the angle, flakes) is at "
+               "the top of the "
+               "list.\n\n";
 
   std::vector<std::vector<Image>> pictures;
   std::vector<std::string> names;
