@@ -32,7 +32,7 @@ std::string text(const char* format, ...) {
 
 /// The words in lines that fit the drawing.
 std::vector<std::string> wrapped(const std::string& words) {
-  constexpr std::size_t kMostBytes = 118;  // of 13 px type in the drawing's width
+  constexpr std::size_t kMostBytes = 124;  // of 13 px type in the drawing's width
   std::vector<std::string> lines(1);
   for (std::size_t at = 0; at < words.size();) {
     const std::size_t end = std::min(words.find(' ', at), words.size());
@@ -123,7 +123,9 @@ std::string sideView(const ShotDirections& shot, double fovDeg, At centre) {
                 place(std::abs(t), tick < 0 ? -1 : 1, kReach + 4), kFaint, 1);
   }
   out += line(centre, {centre.x, centre.y - kReach - 14}, kFaint, 1, "stroke-dasharray=\"5 4\"");
-  out += label({centre.x - 4, centre.y - kReach + 14}, "normal", kFaint, 11, "end");
+  // Left of the normal, where no icon is in its way.
+  if (lightSide > 0 || lightTheta * kDegrees > 22)
+    out += label({centre.x - 4, centre.y - kReach + 14}, "normal", kFaint, 11, "end");
 
   const double radius = kReach * std::tan(fovDeg / kDegrees / 2);
   const At camera = place(cameraTheta, cameraSide, kReach), light = place(lightTheta, lightSide, kReach);
