@@ -1,3 +1,4 @@
+#include <cmath>
 #include <memory>
 
 #include "app/cli/plan_report.h"
@@ -57,7 +58,8 @@ Result<Plan> expectation(const ExpectArguments& arguments, const BasisPtr& basis
 }
 
 int runExpect(const ExpectArguments& arguments, Context& context) {
-  if (arguments.eta < 0) return context.misuse("--eta must be positive. Try: --eta 40.");
+  if (!(arguments.eta >= 0 && std::isfinite(arguments.eta)))
+    return context.misuse("--eta must be positive. Try: --eta 40.");
   std::error_code code;
   if (!fs::exists(arguments.what, code))
     return context.fail({ErrorCode::NotFound, "there is nothing there", arguments.what,
@@ -126,7 +128,8 @@ void addExpectVerb(CLI::App& program, Context& context) {
   verb->add_option("--eta", arguments->eta,
                    "Weight of the basis against the measurements, for 300 rows a photograph [default: the\n"
                    "plan's, or 40]")
-      ->option_text("ETA");
+      ->option_text("ETA")
+      ->check(CLI::PositiveNumber);
   verb->add_option("--region", arguments->region,
                    "Directions over which the error counts: all, or trusted for those within 81 degrees of\n"
                    "the normal [default: the plan's, or all]")

@@ -316,6 +316,16 @@ Result<BasisPtr> openBasis(const fs::path& file, const JobContext& job) {
       return malformed("The basis' list of cells is out of order");
     }
   }
+  // The large arrays are covered by the checksum; of the small ones a NaN would spread everywhere.
+  const std::size_t k = header->components, m = header->columns;
+  for (const auto& [offset, count] :
+       {std::pair{layout.singularValues, k}, std::pair{layout.coefficients, k * m},
+        std::pair{layout.trustedGram, k * k}}) {
+    const auto* values = (*mapping)->at<double>(offset);
+    if (!std::all_of(values, values + count, [](double value) { return std::isfinite(value); })) {
+      return malformed("The basis holds numbers that are not finite");
+    }
+  }
   return BasisPtr(std::make_shared<BasisFile>(*mapping, *header, layout));
 }
 

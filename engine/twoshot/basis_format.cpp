@@ -133,7 +133,7 @@ Result<BasisHeader> parseBasisHeader(std::string_view text, const std::string& w
     header.components = object.integer("components", 1, 30000);
     header.columns = object.integer("columns", 2, 30000);
     header.cells = object.integer("cells", 1, kFoldedCells);
-    header.trustedCells = object.integer("trusted_cells", 0, kFoldedCells);
+    header.trustedCells = object.integer("trusted_cells", 1, static_cast<int>(header.cells));
     header.dataChecksum = checksumFromText(object, "checksum");
     const nlohmann::json& materials = object.list("materials", 1, 30000);
     for (std::size_t i = 0; i < materials.size(); ++i) {

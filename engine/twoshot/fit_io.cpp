@@ -90,6 +90,7 @@ Json toJson(const TwoShotFit& fit) {
   json["noise_floor_holdout"] = measured(stats.holdoutRms >= 0 ? stats.noiseFloorHoldout : -1);
   double expected = 0, share = 0;
   for (const TwoShotMaterial& material : fit.materials) {
+    if (!(material.expected.unseen > 0)) continue;  // too few pixels: nothing was measured of it
     expected += material.share * material.expected.unseen, share += material.share;
   }
   json["expected_error"] = share > 0 && expected > 0 ? Json(expected / share) : Json(nullptr);
@@ -347,7 +348,9 @@ Result<std::shared_ptr<const TwoShotFit>> load(const fs::path& folder, const Job
     material.brdf = *brdf;
     const fs::path sdFile = folder / numbered("posterior_sd", m, ".exr");
     std::error_code ignored;
-    if (fit->stats.cancelled && !fs::exists(sdFile, ignored)) continue;
+    // A material of too few pixels has none, and says so by a prior of zero; a cancelled fit may not have
+    // come to it.
+    if ((fit->stats.cancelled || !(material.priorSd > 0)) && !fs::exists(sdFile, ignored)) continue;
     auto sd = readExr(sdFile, {"Y"}, ImageSize{kPosteriorWidth, kPosteriorHeight});
     if (!sd) return sd.error();
     material.posteriorSd =

@@ -39,9 +39,22 @@ Patch residualOf(const Image& image, int x, int y, int channel) {
 
 std::vector<Patch> collectPatches(const MaskedPhoto& photo) {
   const Image& image = *photo.image;
-  const std::size_t stride = std::max<std::size_t>(1, image.pixelCount() / 3 / kMostPatches);
+  const std::size_t stride = std::max<std::size_t>(1, image.pixelCount() / 9 * 3 / kMostPatches);
   std::vector<Patch> patches;
   std::size_t turn = 0;
+  // A clipped patch has no noise left and would make the brightest look the best known.
+  std::array<float, 3> largest{};
+  for (std::size_t i = 0; i < image.pixelCount(); ++i) {
+    if (!(*photo.mask)[i]) continue;
+    for (int c = 0; c < 3; ++c) largest[c] = std::max(largest[c], image.samples()[3 * i + c]);
+  }
+  const auto clipped = [&](int x, int y, int c) {
+    int at = 0;
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) at += image.at(x + i, y + j, c) >= largest[c];
+    }
+    return at >= 2;
+  };
   const auto inside = [&](int x, int y) {
     for (int j = -1; j <= 1; ++j) {
       for (int i = -1; i <= 1; ++i) {
@@ -52,8 +65,9 @@ std::vector<Patch> collectPatches(const MaskedPhoto& photo) {
   };
   for (int y = 1; y + 1 < image.height(); y += 3) {
     for (int x = 1; x + 1 < image.width(); x += 3) {
+      if (turn++ % stride != 0 || !inside(x, y)) continue;
       for (int c = 0; c < 3; ++c) {
-        if (turn++ % stride == 0 && inside(x, y)) patches.push_back(residualOf(image, x, y, c));
+        if (!clipped(x, y, c)) patches.push_back(residualOf(image, x, y, c));
       }
     }
   }

@@ -136,6 +136,16 @@ std::vector<std::string> PlanOptions::validate() const {
     // Straight from above the disc's rim is seen at half of the field of view.
     need(fovDeg / 2 < kTrustedAngleDeg, "a disc this wide is seen beyond the trusted angles from everywhere");
   }
+  if (problems.empty() && setup != PlanSetup::Free && !given.empty()) {
+    // What all pictures share must itself be allowed, or no picture is.
+    const PlanSpace space(*this);
+    const bool camera = setup == PlanSetup::FixedCamera;
+    need(camera ? space.validCamera(given[0].toCamera) : space.validLight(given[0].toLight),
+         camera ? "the given camera is further from the normal than the largest angle or the trusted region "
+                  "allows"
+                : "the given light is further from the normal than the largest angle or the trusted region "
+                  "allows");
+  }
   return problems;
 }
 
@@ -260,8 +270,13 @@ Plan expectationOf(const BasisPtr& basis, const TwoShotCapture& capture, BasisRe
     plan.shots.push_back({picture.centre, picture.centre.centre()});
     pictures.push_back(rowsOf(*basis, picture.directions, picture.points, false));
   }
-  for (const TwoShotPhoto& photo : capture.shots) distanceMm += photo.camera.positionMm().norm();
-  distanceMm /= static_cast<double>(std::max<std::size_t>(capture.shots.size(), 1));
+  std::size_t fitted = 0;
+  for (const TwoShotPhoto& photo : capture.shots) {
+    if (photo.holdout) continue;
+    distanceMm += photo.camera.positionMm().norm();
+    ++fitted;
+  }
+  distanceMm /= static_cast<double>(std::max<std::size_t>(fitted, 1));
   const double radiusMm =
       capture.disc ? capture.radiusMm : std::sqrt(capture.widthMm * capture.heightMm / std::numbers::pi);
   plan.options.shots = static_cast<int>(plan.shots.size());

@@ -36,6 +36,8 @@ class PlanSpace {
   ShotDirections shot(const Place& place, int shot) const;
   bool valid(const ShotDirections& directions) const;
   bool valid(const Place& place) const;
+  bool validLight(const Eigen::Vector3d& toLight) const;
+  bool validCamera(const Eigen::Vector3d& toCamera) const;
   /// A picture within bounds, uniform over the cells (degrees).
   Block randomShot(std::mt19937_64& random, const Place& place) const;
   Block randomShared(std::mt19937_64& random) const;
@@ -43,8 +45,6 @@ class PlanSpace {
   Block moved(std::size_t block, const Block& from, const Block& by) const;
 
  private:
-  bool validLight(const Eigen::Vector3d& toLight) const;
-  bool validCamera(const Eigen::Vector3d& toCamera) const;
 
   PlanSetup setup_;
   bool point_;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <optional>
 
 #include "engine/base/text.h"
@@ -56,9 +57,10 @@ Merged mergeExposures(const Exposures& exposures, std::size_t count, Value&& val
   return merged;
 }
 
+/// `unusable` becomes true where the photographs were read but hold nothing to fit.
 Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vector<std::size_t> shots,
                                        const std::vector<LoadedShot>& loaded, SampleView view,
-                                       std::vector<std::string>* remarks) {
+                                       std::vector<std::string>* remarks, bool* unusable) {
   ReflectancePicture picture;
   picture.shots = std::move(shots);
   picture.view = std::move(view);
@@ -67,6 +69,7 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
   picture.toLight = first.toLight;
   const std::string where = nameOf(capture, picture.shots.front());
   if (std::find(seen.inside.begin(), seen.inside.end(), 1) == seen.inside.end()) {
+    *unusable = true;
     return Error{ErrorCode::Invalid, "no pixel of this photograph looks at the sample", where,
                  "check the sample's size and the camera's K, R and t in capture.json"};
   }
@@ -84,6 +87,9 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
     levels.push_back(level);
     seconds.push_back(capture.shots[s].exposureS);
   }
+  Eigen::Array3d common = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity());
+  for (const Eigen::Array3d& level : levels) common = common.min(level);
+  for (Eigen::Array3d& level : levels) level = common;
   picture.brdf = Image(seen.width, seen.height, 3);
   picture.variance = Image(seen.width, seen.height, 3);
   picture.usable.assign(picture.brdf.pixelCount(), 0);
@@ -129,6 +135,7 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
   }
   // An eighth of the sample, and eight pixels: less can't tell a highlight from a speck.
   if (usablePixels < 8 || usablePixels * 8 < insidePixels) {
+    *unusable = true;
     if (picture.clipped * 2 > insidePixels) {
       return Error{
           ErrorCode::Invalid, "most of the sample is clipped in this photograph", where,
@@ -145,6 +152,7 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
   // Five standard deviations of the mean: a sample that is merely dark has a mean that stands out of the
   // noise.
   if ((sum <= 5 * variance.sqrt()).all()) {
+    *unusable = true;
     return Error{ErrorCode::Invalid,
                  "this photograph is black on the sample: nothing stands out of its noise", where,
                  "check that the light was on and the lens open, and take it again"};
@@ -222,34 +230,51 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
       group->push_back(s);
     }
   }
-  std::vector<SampleView> views;
-  for (const auto& group : groups) views.push_back(viewOf(capture, capture.shots[group.front()].camera));
-  for (std::size_t g = 0; g < groups.size(); ++g) {
+  // A group is read by one thread, its white photographs too: decoding is most of the work.
+  struct Read {
+    std::optional<Result<ReflectancePicture>> picture;
+    std::vector<std::string> remarks;
+    bool unusable = false;
+  };
+  std::vector<Read> reads(groups.size());
+  std::mutex progress;
+  job.progress("read", 0, total, "photos");
+  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t g) {
+    Read& read = reads[g];
+    SampleView view = viewOf(capture, capture.shots[groups[g].front()].camera);
     for (const std::size_t s : groups[g]) {
-      if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
-      job.progress("read", done++, total, "photos");
+      if (job.cancelled()) return;
       Result<Image> image = readPhoto(capture, capture.shots[s]);
-      if (!image) return image.error();
+      if (!image) {
+        read.picture.emplace(image.error());
+        return;
+      }
       loaded.shots[s].pixels = std::move(*image);
-      loaded.shots[s].noise = estimateNoise({&loaded.shots[s].pixels, &views[g].inside});
+      loaded.shots[s].noise = estimateNoise({&loaded.shots[s].pixels, &view.inside});
+      const std::lock_guard lock(progress);
+      job.progress("read", ++done, total, "photos");
     }
-  }
+    if (job.cancelled()) return;
+    read.picture.emplace(
+        makePicture(capture, groups[g], loaded.shots, std::move(view), &read.remarks, &read.unusable));
+  });
+  if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
   std::optional<Error> unusable;
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
-    Result<ReflectancePicture> picture =
-        makePicture(capture, groups[g], loaded.shots, std::move(views[g]), &loaded.remarks);
-    if (!picture && picture.error().code == ErrorCode::Invalid &&
-        loaded.pictures.size() + groups.size() - g > 1) {
+  for (Read& read : reads) {
+    for (std::string& remark : read.remarks) loaded.remarks.push_back(std::move(remark));
+    Result<ReflectancePicture>& picture = *read.picture;
+    if (picture) {
+      loaded.pictures.push_back(std::move(*picture));
+    } else if (read.unusable) {
       // One photograph that can't be used doesn't spoil the others, but it is said.
       unusable = picture.error();
       loaded.remarks.push_back("Left out: " + unusable->sentence());
-      job.warn(loaded.remarks.back());
-      continue;
+    } else {
+      return picture.error();
     }
-    if (!picture) return picture.error();
-    loaded.pictures.push_back(std::move(*picture));
   }
+  if (loaded.pictures.empty()) return *unusable;
+  for (const std::string& remark : loaded.remarks) job.warn(remark);
   job.progress("read", total, total, "photos");
   return loaded;
 }

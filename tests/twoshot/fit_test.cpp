@@ -345,7 +345,6 @@ TEST(Posterior, CoversTheErrorsOfMaterialsLeftOut) {
                within2 = static_cast<double>(two) / static_cast<double>(all);
   RecordProperty("within_one_sd", std::to_string(within1));
   RecordProperty("within_two_sd", std::to_string(within2));
-  std::cout << "within 1 sd: " << within1 << ", within 2 sd: " << within2 << "\n";
   EXPECT_GE(within1, kOneSd);
   EXPECT_LE(within1, kNotEmpty);
   EXPECT_GE(within2, kTwoSd);
