@@ -45,7 +45,6 @@ class PlanSpace {
   Block moved(std::size_t block, const Block& from, const Block& by) const;
 
  private:
-
   PlanSetup setup_;
   bool point_;
   double discRadius_;
