@@ -104,8 +104,10 @@ QWidget* PlanDialog::buildForm() {
   fov_->setDecimals(1);
   fov_->setSuffix(QStringLiteral("\u00b0"));
   fov_->setSpecialValueText(tr("0\u00b0: single points"));
-  asBundle_ = new QPushButton(tr("As the Bundle"), side);
+  asBundle_ = new QPushButton(tr("As Bundle"), side);
   asBundle_->setAutoDefault(false);
+  asBundle_->setSizePolicy(QSizePolicy::Fixed, QSizePolicy::Fixed);
+  asBundle_->setMinimumWidth(fontMetrics().horizontalAdvance(asBundle_->text()) + 34);
   setup_ = new QComboBox(side);
   setup_->setObjectName(QStringLiteral("planSetup"));
   setup_->addItem(tr("Camera and light free"), static_cast<int>(PlanSetup::Free));
@@ -126,7 +128,7 @@ QWidget* PlanDialog::buildForm() {
   restarts_ = new QSpinBox(side);
   restarts_->setObjectName(QStringLiteral("planRestarts"));
   restarts_->setRange(1, 100);
-  keep_ = new QCheckBox(tr("Keep the bundle's shots, add to them"), side);
+  keep_ = new QCheckBox(tr("Add to the bundle's shots"), side);
   keep_->setObjectName(QStringLiteral("planKeep"));
   basis_ = new BasisChooser(side);
 
@@ -328,13 +330,20 @@ void PlanDialog::setOutcome(const PlanOutcome& outcome) {
 
 void PlanDialog::setRunning(bool running) {
   running_ = running;
-  progressPane_->setVisible(running);
   progress_->setValue(0);
   stage_->setText(tr("Starting"));
-  cancel_->setEnabled(true);
   cancel_->setText(tr("Cancel"));
-  if (running) said_->clear();
-  check();
+  if (running) {
+    said_->clear();
+    progressPane_->show();
+    cancel_->setFocus();  // the button that has it is about to rest
+    check();
+  } else {
+    const bool hadFocus = cancel_->hasFocus();
+    check();
+    if (hadFocus) plan_->setFocus();
+    progressPane_->hide();
+  }
 }
 
 void PlanDialog::setProgress(const QString& stage, double fraction) {
@@ -443,7 +452,6 @@ void PlanDialog::refreshTable() {
 void PlanDialog::keyPressEvent(QKeyEvent* event) {
   if (event->key() == Qt::Key_Escape && running_) {
     Q_EMIT cancelRequested();
-    cancel_->setEnabled(false);
     cancel_->setText(tr("Cancelling\u2026"));
     return;
   }

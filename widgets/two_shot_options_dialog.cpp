@@ -18,7 +18,7 @@ BasisChooser::BasisChooser(QWidget* parent) : QWidget(parent) {
   box_ = new QComboBox(this);
   box_->setObjectName(QStringLiteral("basisBox"));
   box_->setAccessibleName(tr("Basis"));
-  box_->addItem(tr("Built in (100 MERL materials)"), QString());
+  box_->addItem(tr("Built in (MERL 100)"), QString());
   box_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
   box_->setMinimumContentsLength(24);
   browse_ = new QPushButton(tr("File\u2026"), this);

@@ -82,7 +82,7 @@ TwoShotPage::TwoShotPage(TwoShotDocument* document, Reader reader, QWidget* pare
   right_->addWidget(slices_);
   right_->setStretchFactor(0, 1);
   right_->setStretchFactor(1, 1);
-  right_->setSizes({420, 380});
+  right_->setSizes({370, 430});
   columns_ = splitter(Qt::Horizontal);
   columns_->addWidget(strip_);
   columns_->addWidget(middle_);
