@@ -406,7 +406,6 @@ void writeMeasuredMaterials(TwoShotPage& page) {
     for (const auto& list : errors) page.text << " | " << number(statistic(list));
     page.text << " | " << number(statistic(reciprocal)) << " |\n";
   }
-  const double reachedMedian = median(errors.back()), reachedMean = mean(errors.back());
   page.text << "\n| bound with three images, " << reciprocal.size()
             << " materials | allowed | reached |\n| --- | ---: | ---: |\n";
   const auto bound = [&](const char* what, double allowed, double reached) {
