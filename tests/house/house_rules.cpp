@@ -26,9 +26,9 @@ const std::map<std::string, std::set<std::string>> kMayEnter = {
 // Rooms of engine/, in the order in which a photograph walks through them. A room includes itself and rooms
 // of a lower number.
 const std::map<std::string, int> kEngineOrder = {
-    {"base", 0},    {"image", 1},     {"geometry", 2}, {"screen", 3},      {"brdf", 3},        {"surface", 4},
-    {"lens", 5},    {"sensor", 6},    {"capture", 7},  {"calibration", 8}, {"fourier", 8},
-    {"twoshot", 8}, {"diagnosis", 9}, {"render", 9},   {"export", 10},
+    {"base", 0},    {"image", 1},   {"geometry", 2},  {"screen", 3},  {"brdf", 3},
+    {"surface", 4}, {"lens", 5},    {"sensor", 6},    {"capture", 7}, {"calibration", 8},
+    {"fourier", 8}, {"twoshot", 8}, {"diagnosis", 9}, {"render", 9},  {"export", 10},
 };
 
 // Libraries by the shape of their header names.
@@ -105,8 +105,8 @@ const std::map<std::string, std::set<Library>>& mayKnow() {
       {"widgets", {Standard, System, Eigen, Qt, QtWithModule, Vtk}},
       {"app", {Standard, System, Eigen, Tbb, Json, Qt, QtWithModule, Vtk, CommandLine}},
       {"tests",
-       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv, Qt, QtWithModule, Vtk,
-        Camera, CommandLine, Testing}},
+       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv, Qt,
+        QtWithModule, Vtk, Camera, CommandLine, Testing}},
   };
   return table;
 }
