@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,12 @@ enum class MeasurementWeights {
   PaperConstant,  ///< App. E's 160, scaled to the capture's full scale
 };
 
+/// In which order a sheet is solved.
+enum class FitSchedule {
+  Independent,  ///< coarse levels, then every texel by itself at the photographs' full resolution
+  Paper,        ///< section 7: coarse levels, independent texels at half the resolution, upsampling (7.2)
+};
+
 /// Options of the Fourier fit. One description (`describe`) feeds the command line, fit.json and the window's
 /// form.
 struct FourierFitOptions {
@@ -34,6 +41,11 @@ struct FourierFitOptions {
   bool poolNeighbours =
       true;  ///< average a point's measurements with those of neighbouring pixels that the noise can't tell
              ///< from it; off: every pixel alone, noisier where lobes are broad
+
+  FitSchedule schedule = FitSchedule::Independent;
+  std::uint64_t memoryLimitBytes = std::uint64_t{4}
+                                   << 30;  ///< measurements beyond it wait in a file on disk; maps that would
+                                           ///< not fit are made coarser, with a warning
 
   bool operator==(const FourierFitOptions&) const = default;
   /// Every problem with the values, not only the first; empty when usable.

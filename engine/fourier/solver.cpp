@@ -101,6 +101,15 @@ class Batch {
     residuals(theta, out);
   }
 
+  /// Predicted columns at `theta`, one lane's taken out: out[row][kColumns].
+  void columnsOf(const Theta& theta, std::size_t sites, float* out) {
+    fillColumns(theta);
+    const std::size_t rows = 2 * static_cast<std::size_t>(frequencies_) + 1;
+    for (std::size_t lane = 0; lane < sites; ++lane)
+      for (std::size_t i = 0; i < rows * kColumns; ++i)
+        out[lane * rows * kColumns + i] = columns_[i * lanes_ + lane];
+  }
+
  private:
   Lanes load(const float* array, int index) const {
     return hn::Load(Tag(), array + static_cast<std::size_t>(index) * lanes_);
@@ -523,6 +532,29 @@ CostAndGradient EvaluateSite(const SolverSetup& setup, const SiteData& data, con
   return out;
 }
 
+void ModelColumns(const SolverSetup& setup, std::span<const SiteData> data,
+                  std::span<const LobeParameters> at, float* out) {
+  static_assert(kColumns == kModelColumns);
+  const Tag tag;
+  const std::size_t lanes = hn::Lanes(tag), rows = 2 * setup.frequency.size() + 1;
+  auto workspace =
+      hwy::AllocateAligned<float>(Batch::workspaceFloats(static_cast<int>(setup.frequency.size())));
+  HWY_ALIGN float buffer[HWY_MAX_BYTES / sizeof(float)] = {};
+  for (std::size_t first = 0; first < data.size(); first += lanes) {
+    const std::size_t count = std::min(lanes, data.size() - first);
+    const auto gather = [&](auto get) {
+      for (std::size_t i = 0; i < lanes; ++i) buffer[i] = get(at[first + std::min(i, count - 1)]);
+      return Lanes(hn::Load(tag, buffer));
+    };
+    Batch batch(setup, workspace.get(), data.subspan(first, count));
+    batch.columnsOf({gather([](const LobeParameters& p) { return p.logSigma; }),
+                     gather([](const LobeParameters& p) { return p.logKurtosis; }),
+                     gather([](const LobeParameters& p) { return p.slopeX; }),
+                     gather([](const LobeParameters& p) { return p.slopeY; })},
+                    count, out + first * rows * kColumns);
+  }
+}
+
 int LaneCount() {
   return static_cast<int>(hn::Lanes(Tag()));
 }
@@ -538,6 +570,7 @@ namespace patina {
 
 HWY_EXPORT(SolveSites);
 HWY_EXPORT(EvaluateSite);
+HWY_EXPORT(ModelColumns);
 HWY_EXPORT(LaneCount);
 HWY_EXPORT(TargetName);
 
@@ -547,6 +580,10 @@ void solveSites(const SolverSetup& setup, std::span<const SiteData> data,
 }
 CostAndGradient evaluateSite(const SolverSetup& setup, const SiteData& data, const LobeParameters& at) {
   return HWY_DYNAMIC_DISPATCH(EvaluateSite)(setup, data, at);
+}
+void modelColumns(const SolverSetup& setup, std::span<const SiteData> data,
+                  std::span<const LobeParameters> at, float* out) {
+  HWY_DYNAMIC_DISPATCH(ModelColumns)(setup, data, at, out);
 }
 int solverLanes() {
   return HWY_DYNAMIC_DISPATCH(LaneCount)();

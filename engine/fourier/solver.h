@@ -75,6 +75,16 @@ struct CostAndGradient {
 };
 CostAndGradient evaluateSite(const SolverSetup& setup, const SiteData& data, const LobeParameters& at);
 
+/// The model's two parts at every real measurement, with their derivatives, for unit albedos.
+/// Rows: real and imaginary part of each frequency, one after the other, then the zero frequency.
+/// Columns: diffuse, specular, d diffuse / d slope x, y, d specular / d log sigma, log(gamma - 1), slope x,
+/// y.
+inline constexpr int kModelColumns = 8;
+/// Writes out[site][row][kModelColumns], 2 * frequencies + 1 rows a site. For the regularised levels, which
+/// couple texels, and for tests.
+void modelColumns(const SolverSetup& setup, std::span<const SiteData> data,
+                  std::span<const LobeParameters> at, float* out);
+
 /// Lanes of the instruction set in use, and its name.
 int solverLanes();
 const char* solverTarget();

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "engine/base/job.h"
+#include "engine/fourier/solver.h"
+
+namespace patina {
+
+struct FourierFitState;
+
+/// What the solver needs to know of a fit: frame, frequencies, priors (App. E; departures in
+/// docs/fourier_fit.md), limits.
+SolverSetup solverSetup(const FourierFitState& state);
+
+/// Solves every site of `state.measurements` and fills `sites`, `siteStatus`, `siteResidual` and the counts in
+/// `stats`. Progress stages: "solve", "rescue", "albedos". Cancelled: what was solved so far is kept, the rest
+/// marked.
+void solveSheet(FourierFitState& state, const JobContext& job);
+
+}  // namespace patina
