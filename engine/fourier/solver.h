@@ -27,6 +27,9 @@ struct SolverSetup {
   LobeMapping lobe = LobeMapping::ExactMoments;
   int maxIterations = 40;
   float tolerance = 1e-5f;
+  /// One for each frequency: 0 where the diffuse term is too small to be seen at any site, and
+  /// SiteData::diffuse is taken for zero. Empty: all count.
+  std::vector<char> diffuseCounts;
 };
 
 /// The four parameters that a texel's lobe depends on. The six albedos follow from them: they are linear.
@@ -44,6 +47,9 @@ struct SiteData {
   const float* dc = nullptr;       ///< [R G B]
   float weight[3];                 ///< one over the variance of one component of Z
   float dcWeight[3];
+  /// Components that saturated photographs spoilt and that the fit leaves out: 2 * frequency + {0: re, 1:
+  /// im}.
+  std::span<const std::uint16_t> dropped = {};
 };
 
 enum class SolveOutcome : std::uint8_t { Converged, IterationLimit, Failed };
@@ -53,6 +59,12 @@ struct SiteSolution {
   float diffuse[3] = {0, 0, 0}, specular[3] = {0, 0, 0};  ///< >= 0; specular at normal incidence
   float cost = 0;                                         ///< sum of squared weighted residuals and priors
   float dataCost = 0;                                     ///< without the priors
+  /// Posterior covariance of logSigma, logKurtosis, slopeX, slopeY (upper triangle, row by row) under the
+  /// declared weights and priors (Laplace: the inverse of the Gauss-Newton matrix at the optimum).
+  float lobeCovariance[10] = {};
+  /// Standard deviations of the albedos, the lobe's uncertainty included; filled by `refitAlbedos`. An albedo
+  /// that is held at zero has 0.
+  float diffuseSd[3] = {0, 0, 0}, specularSd[3] = {0, 0, 0};
   int iterations = 0;
   SolveOutcome outcome = SolveOutcome::Failed;
 };
@@ -60,12 +72,16 @@ struct SiteSolution {
 /// Levenberg-Marquardt on the four lobe parameters with the albedos projected out (variable projection,
 /// Kaufman's form: the Schur complement of the albedos in the Gauss-Newton matrix), non-negative albedos,
 /// steps capped at |d log sigma| 0.7 and |d slope| max(0.04, 1.5 sigma). Sites go through in SIMD lanes of
-/// floats; the instruction set is chosen at run time. `data`, `start` and `out` have equal length, any.
-/// Deterministic for one instruction set. Thread-safe, allocates a workspace for each thread. Source:
-/// frequency-domain paper, section 7 and App. E. Cost: an estimated 25,000 multiply-adds a site and iteration
-/// for 32 frequencies.
+/// floats, a converged lane takes the next site; the instruction set is chosen at run time. `data`, `start`
+/// and `out` have equal length, any. A site's result doesn't depend on the sites beside it. Thread-safe,
+/// allocates a workspace for each thread. Source: frequency-domain paper, section 7 and App. E. Cost:
+/// `solverOperations` a site and iteration.
 void solveSites(const SolverSetup& setup, std::span<const SiteData> data,
                 std::span<const LobeParameters> start, std::span<SiteSolution> out);
+
+/// Albedos from other measurements than those that the lobes were fitted to, at the lobes in `fitted`:
+/// replaces the albedos, their standard deviations (with the lobe's own uncertainty carried on) and dataCost.
+void refitAlbedos(const SolverSetup& setup, std::span<const SiteData> data, std::span<SiteSolution> fitted);
 
 /// Cost and Gauss-Newton gradient (half the derivative of the cost with the albedos at their optimum) at
 /// given parameters; for tests.

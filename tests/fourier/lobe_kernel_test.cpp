@@ -127,6 +127,12 @@ inline double vexp(double x) {
 inline double vsqrt(double x) {
   return std::sqrt(x);
 }
+inline double vinv(double x) {
+  return 1 / x;
+}
+inline double vrsqrt(double x) {
+  return 1 / std::sqrt(x);
+}
 inline double vmax(double a, double b) {
   return a > b ? a : b;
 }
