@@ -9,6 +9,8 @@
 #include <map>
 #include <numbers>
 
+#include "engine/fourier/node_sum.h"
+
 namespace patina {
 namespace {
 
@@ -165,25 +167,56 @@ DiffuseTransform::DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sam
                                    const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method)
     : frequencyCount_(static_cast<int>(frequencies.size())), halfSizeMm_(sampleSizeMm / 2) {
   const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
-  table_.resize(static_cast<std::size_t>(kNodes) * kNodes * stride);
+  std::vector<float> full(static_cast<std::size_t>(kNodes) * kNodes * stride);
   const PointTransform point(frame, frequencies, method);
   auto cheb = [](int k) { return std::cos(std::numbers::pi * (k + 0.5) / kNodes); };
   tbb::parallel_for(0, kNodes * kNodes, [&](int node) {
     point.at({cheb(node % kNodes) * halfSizeMm_.x(), cheb(node / kNodes) * halfSizeMm_.y(), 0},
-             table_.data() + node * stride);
+             full.data() + static_cast<std::size_t>(node) * stride);
   });
+  compact(full);
+}
+
+void DiffuseTransform::compact(const std::vector<float>& full) {
+  // A millionth of the largest value there is: a thousandth of one photograph's noise.
+  constexpr float kNegligible = 1e-6f;
+  const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
+  std::vector<float> largest(static_cast<std::size_t>(frequencyCount_), 0.0f);
+  for (std::size_t i = 0; i < full.size(); ++i) {
+    float& most = largest[i % stride / 6];
+    most = std::max(most, std::abs(full[i]));
+  }
+  const float scale = largest.empty() ? 0 : *std::max_element(largest.begin(), largest.end());
+  for (int f = 0; f < frequencyCount_; ++f)
+    if (largest[static_cast<std::size_t>(f)] > kNegligible * scale) kept_.push_back(f);
+  table_.resize(static_cast<std::size_t>(kNodes) * kNodes * kept_.size() * 6);
+  float* to = table_.data();
+  for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
+    for (const int f : kept_)
+      to = std::copy_n(full.data() + node * stride + static_cast<std::size_t>(f) * 6, 6, to);
+}
+
+std::vector<char> DiffuseTransform::counts() const {
+  std::vector<char> out(static_cast<std::size_t>(frequencyCount_), 0);
+  for (const int f : kept_) out[static_cast<std::size_t>(f)] = 1;
+  return out;
 }
 
 DiffuseTransform DiffuseTransform::select(const std::vector<int>& indices) const {
   DiffuseTransform out;
   out.frequencyCount_ = static_cast<int>(indices.size());
   out.halfSizeMm_ = halfSizeMm_;
-  out.table_.resize(static_cast<std::size_t>(kNodes) * kNodes * indices.size() * 6);
-  float* to = out.table_.data();
-  for (int node = 0; node < kNodes * kNodes; ++node) {
-    const float* from = table_.data() + static_cast<std::size_t>(node) * frequencyCount_ * 6;
-    for (const int f : indices) to = std::copy_n(from + static_cast<std::size_t>(f) * 6, 6, to);
+  std::vector<std::size_t> from;
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    const auto at = std::lower_bound(kept_.begin(), kept_.end(), indices[i]);
+    if (at == kept_.end() || *at != indices[i]) continue;
+    out.kept_.push_back(static_cast<int>(i));
+    from.push_back(static_cast<std::size_t>(at - kept_.begin()));
   }
+  out.table_.resize(static_cast<std::size_t>(kNodes) * kNodes * from.size() * 6);
+  float* to = out.table_.data();
+  for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
+    for (const std::size_t f : from) to = std::copy_n(table_.data() + (node * kept_.size() + f) * 6, 6, to);
   return out;
 }
 
@@ -212,15 +245,19 @@ void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
     for (int k = 0; k < kNodes; ++k)
       weight[axis][k] = static_cast<float>(exact >= 0 ? (k == exact ? 1.0 : 0.0) : raw[k] / sum);
   }
-  const int stride = frequencyCount_ * 6;
-  std::fill(out, out + stride, 0.0f);
-  for (int j = 0; j < kNodes; ++j) {
-    for (int i = 0; i < kNodes; ++i) {
-      const float w = weight[0][i] * weight[1][j];
-      const float* node = table_.data() + static_cast<std::size_t>(j * kNodes + i) * stride;
-      for (int k = 0; k < stride; ++k) out[k] += w * node[k];
-    }
-  }
+  float product[kNodes * kNodes];
+  for (int j = 0; j < kNodes; ++j)
+    for (int i = 0; i < kNodes; ++i) product[j * kNodes + i] = weight[0][i] * weight[1][j];
+  const std::size_t stride = kept_.size() * 6;
+  const bool all = kept_.size() == static_cast<std::size_t>(frequencyCount_);
+  thread_local std::vector<float> sums;
+  sums.resize(stride);
+  weightedNodeSum(table_.data(), product, static_cast<std::size_t>(kNodes) * kNodes, stride,
+                  all ? out : sums.data());
+  if (all) return;
+  std::fill_n(out, static_cast<std::size_t>(frequencyCount_) * 6, 0.0f);
+  for (std::size_t k = 0; k < kept_.size(); ++k)
+    std::copy_n(sums.data() + k * 6, 6, out + static_cast<std::size_t>(kept_[k]) * 6);
 }
 
 }  // namespace patina
