@@ -18,9 +18,7 @@ struct FourierFitState {
   ScreenFrame frame;
   FourierMeasurements measurements;
   std::unique_ptr<DiffuseTransform> diffuse;  ///< zero frequency, then plan.fitted
-  std::vector<float>
-      heldOutZ;  ///< [site][plan.heldOut][re R G B, im R G B]; empty until photoError read them
-  std::vector<SvbrdfParameters> sites;  ///< a solution for each site
+  std::vector<SvbrdfParameters> sites;        ///< a solution for each site
   std::vector<TexelStatus> siteStatus;
   std::vector<float> siteResidual;
   SvbrdfMaps maps;
@@ -52,7 +50,7 @@ struct PhotoError {
   double rms = 0, noiseFloor = 0;
 };
 /// Predicts every photograph of the groups (and the window, for the fitted split) at every solved site and
-/// compares. Reads the photographs again; keeps the held-out measurements in `state.heldOutZ`.
+/// compares. Reads the photographs again; keeps the held-out measurements in `measurements.heldOut`.
 /// Polls for a stop every few hundred sites.
 Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobContext& job);
 

@@ -42,20 +42,20 @@ class FinishedFit final : public FourierFit {
             static_cast<float>(std::sqrt(dc ? m.dcVariance(site, c) : m.variance(site, c)));
       samples.push_back(sample);
     };
-    auto addGroups = [&](const std::vector<FrequencyGroup>& groups, const std::vector<float>& z,
+    auto addGroups = [&](const std::vector<FrequencyGroup>& groups, const MeasurementStore& store,
                          bool holdout) {
-      if (z.size() < m.sites.size() * groups.size() * 6)
-        return;  // held-out photographs not read: a cancelled fit
+      if (store.empty()) return;  // held-out photographs not read: a cancelled fit
+      const SiteBlock block = store.block(site, 1, MeasurementStore::kZ);
       for (std::size_t f = 0; f < groups.size(); ++f) {
-        const float* at = z.data() + (site * groups.size() + f) * 6;
+        const float* at = block.z(site) + f * 6;
         add(groups[f].frequency, holdout,
             {Complex(at[0], at[3]), Complex(at[1], at[4]), Complex(at[2], at[5])}, false);
       }
     };
     add(Eigen::Vector2i::Zero(), false,
         {Complex(m.dc[site * 3]), Complex(m.dc[site * 3 + 1]), Complex(m.dc[site * 3 + 2])}, true);
-    addGroups(m.plan.fitted, m.z, false);
-    addGroups(m.plan.heldOut, state_->heldOutZ, true);
+    addGroups(m.plan.fitted, m.store, false);
+    addGroups(m.plan.heldOut, m.heldOut, true);
     std::vector<Eigen::Vector2d> frequencies;
     for (const auto& sample : samples) frequencies.push_back(sample.frequency.cast<double>());
     parts(site, frequencies, [&](int i, Complex diffuse, Complex lobe) {
@@ -111,10 +111,11 @@ class FinishedFit final : public FourierFit {
     const FourierMeasurements& m = state_->measurements;
     measured.push_back(
         {0.0, {Complex(m.dc[site * 3]), Complex(m.dc[site * 3 + 1]), Complex(m.dc[site * 3 + 2])}});
+    const SiteBlock block = m.store.block(site, 1, MeasurementStore::kZ);
     for (int f = 0; f < m.frequencyCount(); ++f) {
       const auto& w = m.plan.fitted[f].frequency;
       if (w[1 - axis] != 0 || w[axis] <= 0) continue;
-      const float* z = m.z.data() + (site * m.frequencyCount() + f) * 6;
+      const float* z = block.z(site) + f * 6;
       measured.push_back(
           {static_cast<double>(w[axis]), {Complex(z[0], z[3]), Complex(z[1], z[4]), Complex(z[2], z[5])}});
     }

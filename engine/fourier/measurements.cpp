@@ -81,11 +81,12 @@ void sharpenZeroFrequency(FourierMeasurements& m, const std::vector<double>& eve
     for (int f = 0; f < frequencies; ++f)
       if (m.plan.fitted[f].frequency == 4 * group.frequency) quadruple.push_back(f);
   }
+  const SiteBlock block = m.store.block(0, m.sites.size());
   for (std::size_t s = 0; s < m.sites.size(); ++s) {
     for (int c = 0; c < 3; ++c) {
       const std::size_t i = s * 3 + c;
       double harmonic = 0;
-      for (const int f : quadruple) harmonic += m.z[(s * frequencies + f) * 6 + c];
+      for (const int f : quadruple) harmonic += block.z(s)[f * 6 + c];
       const double sum = evenSum[i] / evenGroups + 8 / (15 * std::numbers::pi) * harmonic / evenGroups;
       const double even = std::numbers::pi / 4 * (sum - 4 * m.black[i]);
       const double pixels = m.sites.pixelCount[s];
@@ -240,6 +241,8 @@ Result<SiteSet> makeSites(const FourierCapture& capture, int size) {
   const int rows = grouped ? std::max(1, static_cast<int>(std::lround(capture.sampleHeightMm / texelMm))) : 0;
   std::vector<std::int32_t> siteOfCell(static_cast<std::size_t>(columns) * rows, -1);
   for (std::size_t i = 0; i < pixels; ++i) {
+    if (!grouped && i % camera.width == 0)
+      sites.firstSiteOfRow.push_back(static_cast<std::uint32_t>(sites.size()));
     if (!inside[i]) continue;
     std::int32_t site = -1;
     if (grouped) {
@@ -263,11 +266,21 @@ Result<SiteSet> makeSites(const FourierCapture& capture, int size) {
         Eigen::Vector2f(static_cast<float>(i % camera.width), static_cast<float>(i / camera.width));
     ++sites.pixelCount[site];
   }
+  if (!grouped) sites.firstSiteOfRow.push_back(static_cast<std::uint32_t>(sites.size()));
   for (std::size_t s = 0; s < sites.size(); ++s) {
     sites.pointMm[s] /= static_cast<float>(sites.pixelCount[s]);
     sites.pixel[s] /= static_cast<float>(sites.pixelCount[s]);
   }
   return sites;
+}
+
+SiteRun sitesAround(const SiteSet& sites, SiteRun run, int rows) {
+  if (sites.grouped() || run.count == 0) return run;
+  const int top = static_cast<int>(sites.pixel[run.first].y());
+  const int bottom = static_cast<int>(sites.pixel[run.end() - 1].y());
+  const std::size_t first = sites.firstSiteOfRow[std::max(0, top - rows)];
+  const std::size_t end = sites.firstSiteOfRow[std::min(sites.imageHeight - 1, bottom + rows) + 1];
+  return {first, end - first};
 }
 
 int resolvedSize(const FourierCapture& capture, const SiteSet& sites) {
@@ -293,7 +306,9 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
   FourierMeasurements m;
   const std::size_t count = sites.size();
   const int frequencies = static_cast<int>(plan.fitted.size());
-  m.z.assign(count * frequencies * 6, 0.0f);
+  auto store = MeasurementStore::make(count, frequencies, std::numeric_limits<std::uint64_t>::max());
+  if (!store) return store.error();
+  m.store = std::move(*store);
   m.brightness.assign(count * 3, 0.0f);
   m.clippedFraction.assign(count, 0.0f);
   const auto total = static_cast<std::int64_t>(frequencies) * 4 + 2;
@@ -358,11 +373,14 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
       photo[k] = std::move(*values);
     }
     for (std::size_t s = 0; s < count; ++s) {
-      float* z = m.z.data() + (s * frequencies + f) * 6;
+      float* z = m.store.zInMemory() + (s * frequencies + f) * 6;
+      float* even = m.store.evenInMemory() + (s * frequencies + f) * 6;
       for (int c = 0; c < 3; ++c) {
         const std::size_t i = s * 3 + c;
         z[c] = photo[1][i] - photo[3][i];
         z[3 + c] = photo[2][i] - photo[0][i];
+        even[c] = photo[0][i] + photo[2][i];
+        even[3 + c] = photo[1][i] + photo[3][i];
       }
     }
     std::scoped_lock lock(mutex);

@@ -8,6 +8,7 @@
 #include "engine/base/job.h"
 #include "engine/base/result.h"
 #include "engine/capture/capture.h"
+#include "engine/fourier/measurement_store.h"
 
 namespace patina {
 
@@ -39,8 +40,16 @@ struct SiteSet {
   std::vector<std::int32_t> pixelCount;
   std::vector<Eigen::Vector2f> pixel;  ///< centroid in the image
   double finestPitchMm = 0;            ///< smallest distance on the sample between neighbouring pixels
+  /// The first site of each image row, and the count at the end: sites go through the image row by row. Empty
+  /// where sites are groups of pixels, which have no rows.
+  std::vector<std::uint32_t> firstSiteOfRow;
   std::size_t size() const { return pointMm.size(); }
+  bool grouped() const { return firstSiteOfRow.empty(); }
 };
+
+/// The sites on the image rows of `run` and on `rows` rows above and below it: contiguous, holds every
+/// neighbour of the run's sites. Groups have no neighbours: the run itself.
+SiteRun sitesAround(const SiteSet& sites, SiteRun run, int rows = 1);
 
 /// `size`: longest side of the maps in texels, 0 for what the photographs resolve. Returns the sites; empty
 /// set gives Invalid.
@@ -60,7 +69,8 @@ struct NoiseModel {
 struct FourierMeasurements {
   MeasurementPlan plan;
   SiteSet sites;
-  std::vector<float> z;                ///< [site][frequency][re R G B, im R G B]
+  MeasurementStore store;              ///< Z and the even sums of plan.fitted
+  MeasurementStore heldOut;            ///< of plan.heldOut; empty until `photoError` reads them
   std::vector<float> dc;               ///< [site][R G B]
   std::vector<float> dcVariances;      ///< [site][R G B]
   std::vector<float> black;            ///< [site][R G B]
@@ -72,6 +82,9 @@ struct FourierMeasurements {
   std::size_t clippedSamples = 0;
 
   int frequencyCount() const { return static_cast<int>(plan.fitted.size()); }
+  /// Rows of Z that a saturated photograph spoils: see MeasurementStore::droppedRows. Those of Z and the even
+  /// sums are numbers that mean nothing; leave them out.
+  std::span<const std::uint16_t> droppedRows(std::size_t site) const { return store.droppedRows(site); }
   /// Variance of one component of Z, and of Z(0), at a site: the pair's mean brightness stands for both
   /// photographs, so that weights don't follow the noise.
   double variance(std::size_t site, int channel) const {

@@ -9,7 +9,7 @@
 namespace patina {
 
 Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobContext& job) {
-  const FourierMeasurements& m = state.measurements;
+  FourierMeasurements& m = state.measurements;
   const auto& groups = holdout ? m.plan.heldOut : m.plan.fitted;
   const std::size_t count = m.sites.size();
   std::vector<SiteLobe> lobes(count);
@@ -21,7 +21,12 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
   });
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "cancelled while predicting photographs", "", ""};
   const DiffuseMethod method = state.diffuseMethod();
-  if (holdout) state.heldOutZ.assign(count * groups.size() * 6, 0.0f);
+  if (holdout) {
+    auto store = MeasurementStore::make(count, static_cast<int>(groups.size()),
+                                        std::numeric_limits<std::uint64_t>::max());
+    if (!store) return store.error();
+    m.heldOut = std::move(*store);
+  }
 
   // Multiples 0, 1, 2, 4, 6, ... of every frequency, each computed once. The window needs the first alone.
   std::vector<Eigen::Vector2d> distinct;
@@ -93,8 +98,11 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
       }
       if (holdout) {
         for (std::size_t s = 0; s < count; ++s) {
-          float* z = state.heldOutZ.data() + (s * groups.size() + g) * 6;
+          float* z = m.heldOut.zInMemory() + (s * groups.size() + g) * 6;
+          float* even = m.heldOut.evenInMemory() + (s * groups.size() + g) * 6;
           for (int c = 0; c < 3; ++c) {
+            even[c] = photo[0][s * 3 + c] + photo[2][s * 3 + c];
+            even[3 + c] = photo[1][s * 3 + c] + photo[3][s * 3 + c];
             z[c] = photo[1][s * 3 + c] - photo[3][s * 3 + c];
             z[3 + c] = photo[2][s * 3 + c] - photo[0][s * 3 + c];
           }
@@ -127,7 +135,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
     noise += sumNoise;
     job.progress(holdout ? "holdout" : "predict", ++done, total, "frequencies");
   });
-  if ((failure || job.cancelled()) && holdout) state.heldOutZ.clear();
+  if ((failure || job.cancelled()) && holdout) m.heldOut = {};
   if (failure) return *failure;
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "cancelled while predicting photographs", "", ""};
   if (!(signal > 0)) return PhotoError{};

@@ -14,14 +14,14 @@ struct Pool {
   std::vector<double> weight;
 };
 
-Pool poolOf(const FourierMeasurements& m, std::size_t s) {
+Pool poolOf(const FourierMeasurements& m, const SiteBlock& block, std::size_t s) {
   Pool pool{{s}, {1.0}};
   const SiteSet& set = m.sites;
-  if (set.pixelCount[s] != 1) return pool;
+  if (set.grouped()) return pool;
   const int frequencies = m.frequencyCount();
   const int x = static_cast<int>(set.pixel[s].x()), y = static_cast<int>(set.pixel[s].y());
   const double count = 3.0 * (2 * frequencies + 1), spread = std::sqrt(2 * count);
-  const float* z = m.z.data() + s * frequencies * 6;
+  const float* z = block.z(s);
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
       if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= set.imageWidth ||
@@ -30,7 +30,7 @@ Pool poolOf(const FourierMeasurements& m, std::size_t s) {
       const auto other = set.siteOfPixel[static_cast<std::size_t>(y + dy) * set.imageWidth + x + dx];
       if (other < 0) continue;
       const auto n = static_cast<std::size_t>(other);
-      const float* zn = m.z.data() + n * frequencies * 6;
+      const float* zn = block.z(n);
       double q = 0;
       for (int c = 0; c < 3; ++c) {
         double sum = 0;
@@ -63,9 +63,19 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
   diffuse_.resize(sites.size() * stride);
   z_.resize(sites.size() * zStride);
   dc_.resize(sites.size() * 3);
+  // One block holds the sites that follow, as far as they lie close together, and their neighbours.
+  constexpr std::size_t kFarApart = 4096;
+  SiteBlock block;
   for (std::size_t i = 0; i < sites.size(); ++i) {
     const std::size_t s = sites[i];
-    const Pool pool = poolNeighbours ? poolOf(m, s) : Pool{{s}, {1.0}};
+    const SiteRun around = sitesAround(m.sites, {s, 1});
+    if (around.first < block.run().first || around.end() > block.run().end()) {
+      std::size_t last = s;
+      for (std::size_t k = i + 1; k < sites.size() && sites[k] >= s && sites[k] < s + kFarApart; ++k)
+        last = std::max<std::size_t>(last, sites[k]);
+      block = m.store.block(sitesAround(m.sites, {s, last + 1 - s}), MeasurementStore::kZ);
+    }
+    const Pool pool = poolNeighbours ? poolOf(m, block, s) : Pool{{s}, {1.0}};
     double total = 0, square = 0;
     for (const double w : pool.weight) total += w, square += w * w;
     Eigen::Vector2d point = Eigen::Vector2d::Zero();
@@ -75,7 +85,7 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
       const std::size_t n = pool.site[k];
       const auto w = static_cast<float>(pool.weight[k] / total);
       point += w * m.sites.pointMm[n].cast<double>();
-      const float* from = m.z.data() + n * zStride;
+      const float* from = block.z(n);
       for (std::size_t j = 0; j < zStride; ++j) z[j] += w * from[j];
       for (int c = 0; c < 3; ++c) dc[c] += w * m.dc[n * 3 + c];
     }
