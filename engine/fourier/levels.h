@@ -17,8 +17,8 @@ struct FourierFitState;
 ///
 /// Z is kept *turned*: multiplied by exp(i w . m(p)), m(p) where a mirror lying at the point p shows on the
 /// screen. A sharp reflection's phase at frequency 40 turns by radians from one texel to the next for no
-/// other reason than place; turned, it is comparable, and can be averaged and combined. `turnedZ` and
-/// `zInPlace` of level_data.h convert.
+/// other reason than place; turned, it is comparable, and can be averaged and combined. `MirrorPhase` of
+/// levels_data.h does it.
 struct LevelData {
   int width = 0, height = 0;
   double widthMm = 0, heightMm = 0;
