@@ -56,6 +56,9 @@ constexpr float kLogSigmaRange[2] = {-6.5f, 0.7f};
 constexpr float kLogKurtosisRange[2] = {-7.0f, 1.6f};
 constexpr float kSlopeRange = 1.5f;
 
+// Damping relative to the Gauss-Newton matrix's diagonal: at first, at least, and how fast it grows.
+constexpr float kFirstDamping = 1e-3f, kLeastDamping = 1e-6f, kGrowth = 3.0f;
+
 /// A number for one lane at a time.
 struct Slots {
   HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)] = {};
@@ -83,7 +86,7 @@ void clampStart(const LobeParameters& p, float (&out)[4]) {
 struct Search {
   Theta theta;
   Evaluation current;
-  Lanes lambda, iterations;
+  Lanes lambda, growth, iterations;
 };
 
 void SolveSites(const SolverSetup& setup, std::span<const SiteData> data,
@@ -102,6 +105,7 @@ void SolveSites(const SolverSetup& setup, std::span<const SiteData> data,
   Search search;
   search.theta = {zero, zero, zero, zero};
   search.lambda = search.iterations = zero;
+  search.growth = one;
   search.current = {};
   search.current.cost = search.current.dataCost = infinite;
   for (auto& x : search.current.gradient) x = zero;
@@ -152,6 +156,20 @@ void SolveSites(const SolverSetup& setup, std::span<const SiteData> data,
                       move(search.theta.logKurtosis, 1, kLogKurtosisRange[0], kLogKurtosisRange[1]),
                       move(search.theta.slopeX, 2, -kSlopeRange, kSlopeRange),
                       move(search.theta.slopeY, 3, -kSlopeRange, kSlopeRange)};
+    // What the linear model promises for the step that is taken: -(2 g.s + s.H s).
+    Lanes promised = zero;
+    {
+      const Lanes taken[4] = {ahead.logSigma - search.theta.logSigma,
+                              ahead.logKurtosis - search.theta.logKurtosis,
+                              ahead.slopeX - search.theta.slopeX, ahead.slopeY - search.theta.slopeY};
+      for (int i = 0; i < 4; ++i) {
+        Lanes curved = zero;
+        for (int k = 0; k < 4; ++k)
+          curved = mulAdd(search.current.hessian[kUpper[std::min(i, k)][std::max(i, k)]], taken[k], curved);
+        promised =
+            subMul(taken[i], search.current.gradient[i] + search.current.gradient[i] + curved, promised);
+      }
+    }
     batch.evaluate(ahead, trial);
     const Lanes before = search.current.cost;
     const Mask better = hn::AndNot(isFresh, less(trial.cost, before));  // false for NaN
@@ -169,19 +187,27 @@ void SolveSites(const SolverSetup& setup, std::span<const SiteData> data,
     }
     for (int i = 0; i < 4; ++i) take(search.current.gradient[i], trial.gradient[i]);
     for (int i = 0; i < 10; ++i) take(search.current.hessian[i], trial.hessian[i]);
-    search.iterations = search.iterations + one;
-    const Lanes relaxed = vmax(search.lambda * Lanes(0.2f), Lanes(1e-7f)),
-                stiffer = search.lambda * Lanes(5.0f);
-    search.lambda = select(isFresh, Lanes(1e-3f), select(better, relaxed, stiffer));
+    search.iterations = select(isFresh, one, search.iterations + one);
+    // Nielsen's damping: by how far the linear model kept its promise, and ever faster up where no step
+    // gains.
+    const Lanes ratio = (before - trial.cost) * vinv(vmax(promised, Lanes(1e-20f)));
+    const Lanes off = clampTo(ratio + ratio - one, -1.0f, 1.0f);
+    const Lanes relaxed =
+        vmax(search.lambda * vmax(subMul(off * off, off, one), Lanes(0.1f)), Lanes(kLeastDamping));
+    search.lambda =
+        select(isFresh, Lanes(kFirstDamping), select(better, relaxed, search.lambda * search.growth));
+    search.growth = select(hn::Or(isFresh, better), Lanes(kGrowth), search.growth * Lanes(kGrowth));
 
-    // A lane has converged when an accepted step gained less than `tolerance` of the cost, when the next one
-    // can't gain as much (what the linear model promises, at most -2 g.step), or when no step gains anything.
-    dampedStep(search.current, search.lambda, step);
+    // A lane has converged when an accepted step gained less than `tolerance` of the cost, when no step can
+    // gain as much (what the linear model promises without damping: g^T H^-1 g), or when no step gains
+    // anything.
     Lanes promise = zero;
+    dampedStep(search.current, zero, step);
     for (int i = 0; i < 4; ++i) promise = subMul(search.current.gradient[i], step[i], promise);
+    dampedStep(search.current, search.lambda, step);
     const Lanes enough = Lanes(setup.tolerance) * search.current.cost;
     const Mask small = hn::And(better, less(before - trial.cost, enough));
-    const Mask settled = hn::And(less(Lanes(2.0f) * promise, enough), less(search.lambda, Lanes(1e-2f)));
+    const Mask settled = less(promise, enough);
     const Mask stuck = less(Lanes(1e5f), search.lambda);
     const Mask finite = less(search.current.cost, infinite);
     const Mask ended = hn::And(isActive, hn::Or(hn::Or(small, stuck), hn::Or(settled, hn::Not(finite))));
