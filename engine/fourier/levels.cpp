@@ -83,8 +83,8 @@ std::vector<Vector> independentSolutions(const LevelProblem& problem, const Solv
 }
 
 /// Rows that every site of a texel dropped, as the solution predicts them: upsampling compares whole spectra.
-void predictMissingRows(const FourierFitState& state, const LevelProblem& problem, std::span<const Vector> x,
-                        LevelData& level) {
+void predictMissingRows(const FourierFitState& state, const SolverSetup& setup, const LevelProblem& problem,
+                        std::span<const Vector> x, LevelData& level) {
   const std::size_t rows = level.zStride() / 3;
   const MirrorPhase phase(state);
   tbb::parallel_for(std::size_t{0}, problem.size(), [&](std::size_t i) {
@@ -92,7 +92,10 @@ void predictMissingRows(const FourierFitState& state, const LevelProblem& proble
     const auto count = std::span(level.rowCount).subspan(t * rows, rows);
     if (std::ranges::find(count, 0u) == count.end()) return;
     std::vector<float> columns(static_cast<std::size_t>(problem.rows()) * kModelColumns), z(level.zStride());
-    problem.columns(x, i, 1, columns.data());
+    SiteData whole = problem.sites()[i];
+    whole.dropped = {};  // the model leaves such rows out
+    const LobeParameters lobe = solutionOf(x[i], {}, {}, {}).lobe;
+    modelColumns(setup, {&whole, 1}, {&lobe, 1}, columns.data());
     for (std::size_t row = 0; row < rows; ++row)
       for (int c = 0; c < 3; ++c)
         z[row * 3 + c] = static_cast<float>(x[i][4 + c] * columns[row * kModelColumns] +
@@ -159,7 +162,7 @@ Result<LevelSolution> solveLevels(const FourierFitState& state, const SolverSetu
     report.dimension = std::max(levels[k].width, levels[k].height);
     for (std::size_t i = 0; i < problem.size(); ++i)
       texels[problem.texels()[i]] = solutionOf(x[i], local[i], report, options);
-    predictMissingRows(state, problem, x, levels[k]);
+    predictMissingRows(state, setup, problem, x, levels[k]);
     solution.reports.push_back(report);
     solution.texels = std::move(texels);
     solution.data = std::move(levels[k]);
