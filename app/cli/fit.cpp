@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 
 struct FitArguments {
   std::string bundle, out, effects = "none", dumpDir;
-  std::string lobe = "exact", weights = "noise";
+  std::string lobe = "exact", weights = "noise", schedule = "independent";
+  double memoryGib = 4;
   std::vector<std::string> texels;
   bool noRestarts = false;
   bool noPooling = false;
@@ -46,6 +47,21 @@ std::string typed(const std::vector<const CLI::Option*>& options) {
   return names;
 }
 
+/// Beside the result: "DIR.unfinished". Scratch files go to where the result will be: it has the room, if
+/// any.
+FourierFitStorage storageBeside(const fs::path& out) {
+  fs::path folder = fs::absolute(out).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  FourierFitStorage storage;
+  storage.keepFolder = folder;
+  storage.keepFolder += ".unfinished";
+  std::error_code code;
+  for (storage.scratchFolder = folder.parent_path();
+       !fs::is_directory(storage.scratchFolder, code) && storage.scratchFolder.has_relative_path();)
+    storage.scratchFolder = storage.scratchFolder.parent_path();
+  return storage;
+}
+
 int runFit(FitArguments& arguments, Context& context) {
   if (arguments.effects != "none") {
     return context.misuse("effects (--effects " + arguments.effects +
@@ -55,6 +71,8 @@ int runFit(FitArguments& arguments, Context& context) {
   options.lobe = arguments.lobe == "paper" ? LobeMapping::PaperAffine : LobeMapping::ExactMoments;
   options.weights =
       arguments.weights == "paper" ? MeasurementWeights::PaperConstant : MeasurementWeights::Noise;
+  options.schedule = arguments.schedule == "paper" ? FitSchedule::Paper : FitSchedule::Independent;
+  options.memoryLimitBytes = static_cast<std::uint64_t>(arguments.memoryGib * (1u << 30));
   options.neighbourRestarts = !arguments.noRestarts;
   options.poolNeighbours = !arguments.noPooling;
   const std::vector<std::string> problems = options.validate();
@@ -90,12 +108,18 @@ int runFit(FitArguments& arguments, Context& context) {
     if (!writable) return context.fail(writable.error());
   }
 
-  Result<std::shared_ptr<const FourierFit>> fit = fitFourier(*capture, options, job);
+  const FourierFitStorage storage = storageBeside(arguments.out);
+  Result<std::shared_ptr<const FourierFit>> fit = fitFourier(*capture, options, job, storage);
   if (!fit) return context.fail(fit.error());
   const FourierFit& fitted = **fit;
   context.console.finishProgress();
   Status written = writeFourierFit(arguments.out, fitted);
   if (!written) return context.fail(written.error());
+  if (!fitted.stats().cancelled) removeUnfinished(storage.keepFolder);
+  if (fitted.stats().resumedTexels > 0) {
+    context.console.say("Resumed: " + std::to_string(fitted.stats().resumedTexels) +
+                        " texels were taken over from the run that was stopped.");
+  }
 
   printSummary(fitted, context);
   context.console.say("Maps are in " + (fs::path(arguments.out) / "maps").string() + ", numbers in " +
@@ -122,7 +146,8 @@ int runFit(FitArguments& arguments, Context& context) {
   if (status == kCancelled) {
     context.console.complain(
         "Cancelled: the maps hold what was fitted until then; status.exr marks the rest (6), and fit.json "
-        "says so.");
+        "says so. The same command goes on from there; finished texels wait in " +
+        storage.keepFolder.string() + ".");
   }
   return status;
 }
@@ -187,6 +212,23 @@ void addFitVerb(CLI::App& program, Context& context) {
                  "every pixel alone, noisier where lobes are broad")
       ->group(kModel);
 
+  verb->add_option(
+          "--schedule", arguments->schedule,
+          byDefault("Order of the solve: coarse levels, then every texel by itself at the photographs'\n"
+                    "resolution; or the paper's, which solves at half of it and upsamples",
+                    "independent"))
+      ->check(CLI::IsMember({"independent", "paper"}))
+      ->option_text("independent|paper")
+      ->group(kModel);
+  verb->add_option(
+          "--memory", arguments->memoryGib,
+          byDefault("Memory that the fit may take, GiB; measurements beyond it wait in a scratch file\n"
+                    "beside the result, and where that isn't enough the maps become coarser",
+                    "4"))
+      ->check(CLI::Range(0.125, 4096.0))
+      ->option_text("GIB")
+      ->group(kModel);
+
   constexpr const char* kTwoShot = "Bundles of kind two-shot";
   TwoShotArguments& twoShot = arguments->twoShot;
   verb->add_option("--basis", twoShot.basis,
@@ -228,8 +270,9 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->option_text("DIR")
       ->group(kLook);
   addCommonOptions(*verb, context);
-  for (const char* name : {"--size", "--lobe", "--weights", "--max-iterations", "--tolerance",
-                           "--no-restarts", "--no-pooling", "--texel", "--dump-dir"}) {
+  for (const char* name :
+       {"--size", "--lobe", "--weights", "--max-iterations", "--tolerance", "--no-restarts", "--no-pooling",
+        "--schedule", "--memory", "--texel", "--dump-dir"}) {
     arguments->fourierOnly.push_back(verb->get_option(name));
   }
   for (const char* name : {"--basis", "--eta", "--clusters", "--rows", "--no-noise-weights"}) {

@@ -6,6 +6,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 namespace patina {
 namespace {
@@ -26,14 +27,11 @@ Error openFailure(const std::filesystem::path& file, int code) {
 
 }  // namespace
 
-Result<std::string> readFile(const std::filesystem::path& file, std::uint64_t maxBytes) {
+Result<RandomAccessFile> RandomAccessFile::open(const std::filesystem::path& file, std::uint64_t maxBytes) {
   // Non-blocking, because opening a pipe would otherwise wait for somebody to write into it.
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) return openFailure(file, errno);
-  struct Closer {
-    int descriptor;
-    ~Closer() { ::close(descriptor); }
-  } closer{descriptor};
+  RandomAccessFile opened(descriptor, 0);  // closes it on every way out
 
   struct stat status {};
   if (::fstat(descriptor, &status) != 0) return openFailure(file, errno);
@@ -50,21 +48,42 @@ Result<std::string> readFile(const std::filesystem::path& file, std::uint64_t ma
                      std::to_string(maxBytes) + " that make sense here",
                  file.string(), "check that this is the right file"};
   }
+  opened.size_ = static_cast<std::uint64_t>(status.st_size);
+  return opened;
+}
 
-  std::string bytes(static_cast<std::size_t>(status.st_size), '\0');
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t count = ::read(descriptor, bytes.data() + done, bytes.size() - done);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) {
-      return Error{ErrorCode::Malformed, std::string("reading the file failed: ") + std::strerror(errno),
-                   file.string(), "check the disk or the network folder it is on"};
-    }
-    if (count == 0) break;  // it became shorter while we read; the parser will say what is missing
-    done += static_cast<std::size_t>(count);
+RandomAccessFile::RandomAccessFile(RandomAccessFile&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)), size_(other.size_) {}
+
+RandomAccessFile& RandomAccessFile::operator=(RandomAccessFile&& other) noexcept {
+  std::swap(descriptor_, other.descriptor_);
+  std::swap(size_, other.size_);
+  return *this;
+}
+
+RandomAccessFile::~RandomAccessFile() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+bool RandomAccessFile::read(std::uint64_t at, char* to, std::size_t count) const {
+  while (count > 0) {
+    const ssize_t done = ::pread(descriptor_, to, count, static_cast<off_t>(at));
+    if (done < 0 && errno == EINTR) continue;
+    if (done <= 0) return false;
+    to += done;
+    at += static_cast<std::uint64_t>(done);
+    count -= static_cast<std::size_t>(done);
   }
-  bytes.resize(done);
-  return bytes;
+  return true;
+}
+
+Result<std::string> readFile(const std::filesystem::path& file, std::uint64_t maxBytes) {
+  const Result<RandomAccessFile> opened = RandomAccessFile::open(file, maxBytes);
+  if (!opened) return opened.error();
+  std::string bytes(static_cast<std::size_t>(opened->size()), '\0');
+  if (opened->read(0, bytes.data(), bytes.size())) return bytes;
+  return Error{ErrorCode::Malformed, "reading the file failed, or it became shorter meanwhile", file.string(),
+               "check the disk or the network folder it is on"};
 }
 
 }  // namespace patina

@@ -13,4 +13,24 @@ namespace patina {
 /// one read.
 Result<std::string> readFile(const std::filesystem::path& file, std::uint64_t maxBytes);
 
+/// A regular file, open for reading at any place. Movable. Threading: any number of reads at a time.
+class RandomAccessFile {
+ public:
+  /// Errors as `readFile`.
+  static Result<RandomAccessFile> open(const std::filesystem::path& file, std::uint64_t maxBytes);
+  RandomAccessFile(RandomAccessFile&& other) noexcept;
+  RandomAccessFile& operator=(RandomAccessFile&& other) noexcept;
+  ~RandomAccessFile();
+
+  /// Length when it was opened.
+  std::uint64_t size() const { return size_; }
+  /// Fills `to` from byte `at` on; false where the file ends before or the disk fails.
+  bool read(std::uint64_t at, char* to, std::size_t count) const;
+
+ private:
+  RandomAccessFile(int descriptor, std::uint64_t size) : descriptor_(descriptor), size_(size) {}
+  int descriptor_ = -1;
+  std::uint64_t size_ = 0;
+};
+
 }  // namespace patina

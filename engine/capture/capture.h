@@ -43,6 +43,8 @@ struct FourierCapture {
   Camera camera;
   Screen screen;
   double radianceScale = 1.0;  ///< radiance = pixel * radianceScale
+  double saturation = 0;       ///< pixel value at which the sensor of linear photographs clips; 0: not said.
+                               ///< Encoded photographs clip at their highest code. Key "saturation"
   std::vector<FourierPhoto> photos;
   std::vector<std::string> ignoredKeys;  ///< keys that this version does not know, as "camera.foo"
 };

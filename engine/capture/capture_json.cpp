@@ -220,6 +220,9 @@ Result<FourierCapture> parseFourierCapture(std::string_view text, const std::fil
     noteUnread(camera, "camera", &capture.ignoredKeys);
     readScreen(file, &capture);
     capture.radianceScale = file.number("radiance_scale", 1.0 / kLargestScale, kLargestScale, 1.0);
+    if (file.has("saturation")) {
+      capture.saturation = file.number("saturation", 1 / kLargestScale, kLargestScale);
+    }
     readPhotos(file, where, &capture);
     // Informational; anything but a text is a stranger's key, and ignored like one.
     if (json.contains("made_by") && json["made_by"].is_string()) capture.madeBy = file.text("made_by");
@@ -245,6 +248,7 @@ std::string fourierCaptureJson(const FourierCapture& capture) {
     json["sample"]["known"] = {{"type", "lambertian"}, {"albedo", jsonOf(capture.known->albedo)}};
   }
   if (capture.radianceScale != 1.0) json["radiance_scale"] = capture.radianceScale;
+  if (capture.saturation > 0) json["saturation"] = capture.saturation;
   json["camera"] = jsonOf(capture.camera);
   const Screen& screen = capture.screen;
   json["screen"] = {{"width_mm", screen.widthMm},

@@ -4,6 +4,7 @@
 #include <tbb/info.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
 
@@ -33,8 +34,58 @@ std::size_t peakBytes() {
   return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
 }
 
+/// Bytes that everything but the store takes. Measured arrays, solutions and what works on them; maps with
+/// what writing them takes; the image's table of sites.
+std::uint64_t arrayBytes(std::size_t sites, std::size_t texels, std::size_t pixels) {
+  constexpr std::uint64_t kMeasured = 160, kTexel = 120, kPixel = 13;
+  constexpr std::uint64_t kSolved = 2 * sizeof(SiteSolution) + sizeof(SvbrdfParameters) + 64;
+  return sites * (kMeasured + kSolved) + texels * kTexel + pixels * kPixel;
+}
+
+/// The sites, grouped where single pixels would take more than the memory limit; `size` becomes that of the
+/// maps then.
+Result<SiteSet> sitesWithinMemory(const FourierCapture& capture, const FourierFitOptions& options,
+                                  const MeasurementPlan& plan, const JobContext& job, FourierFitStats& stats,
+                                  int& size) {
+  auto sites = makeSites(capture, size);
+  if (!sites) return sites;
+  const double longest = std::max(capture.sampleWidthMm, capture.sampleHeightMm);
+  const double aspect = std::min(capture.sampleWidthMm, capture.sampleHeightMm) / longest;
+  const std::size_t pixels = sites->siteOfPixel.size();
+  const auto needed = [&](std::size_t count, int longestTexels) {
+    const auto texels = static_cast<std::size_t>(static_cast<double>(longestTexels) * longestTexels * aspect);
+    const std::uint64_t store = MeasurementStore::bytesFor(count, static_cast<int>(plan.fitted.size()));
+    const std::uint64_t limit = options.memoryLimitBytes;
+    return arrayBytes(count, texels, pixels) + (store <= limit / 2 ? store : 0) + limit / 8;
+  };
+  const int wanted = size > 0 ? size : resolvedSize(capture, *sites);
+  if (needed(sites->size(), wanted) <= options.memoryLimitBytes) return sites;
+  // Twice the pixels' pitch at least: below, groups would hold one pixel or none. Then halved until it fits.
+  int coarser = std::min(wanted, resolvedSize(capture, *sites) / 2);
+  for (; coarser >= 1; coarser = coarser * 7 / 8) {
+    const auto count = static_cast<std::size_t>(static_cast<double>(coarser) * coarser * aspect) + 1;
+    if (needed(count, coarser) > options.memoryLimitBytes) continue;
+    auto grouped = makeSites(capture, coarser);
+    if (!grouped) return grouped;
+    if (!grouped->grouped() || needed(grouped->size(), coarser) > options.memoryLimitBytes) continue;
+    job.warn("the " + std::to_string(sites->size()) +
+             " pixels of the sample would take more than the memory limit of " +
+             std::to_string(options.memoryLimitBytes >> 20) + " MiB; they are averaged to " +
+             std::to_string(grouped->size()) + " points, and the maps have " + std::to_string(coarser) +
+             " texels on their longest side. Raise the limit (--memory) for finer maps");
+    stats.coarserSites = true;
+    size = coarser;
+    return grouped;
+  }
+  return Error{ErrorCode::Invalid,
+               "the photographs are too large for the memory limit of " +
+                   std::to_string(options.memoryLimitBytes >> 20) + " MiB",
+               "fit options", "raise the limit (--memory)"};
+}
+
 Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
-                                                const FourierFitOptions& options, const JobContext& job) {
+                                                const FourierFitOptions& options, const JobContext& job,
+                                                const FourierFitStorage& storage) {
   auto state = std::make_unique<FourierFitState>();
   state->capture = capture;
   state->options = options;
@@ -44,21 +95,35 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
         "the bundle has no screen.emission; the screen is taken to emit evenly in all directions, which "
         "biases albedos");
 
+  const MeasurementStorage measurementStorage{options.memoryLimitBytes, storage.scratchFolder};
+  int siteSize = options.size;
   {
     SecondsOf timer(state->stats, "read");
     auto plan = planMeasurements(capture, job);
     if (!plan) return plan.error();
-    auto sites = makeSites(capture, options.size);
+    auto sites = sitesWithinMemory(capture, options, *plan, job, state->stats, siteSize);
     if (!sites) return sites.error();
-    auto measured = measure(capture, std::move(*plan), std::move(*sites), job);
+    auto measured = measure(capture, std::move(*plan), std::move(*sites), job, measurementStorage);
     if (!measured) return measured.error();
     state->measurements = std::move(*measured);
   }
   const FourierMeasurements& m = state->measurements;
-  const int mapSize = options.size > 0 ? options.size : resolvedSize(capture, m.sites);
+  const int mapSize = siteSize > 0 ? siteSize : resolvedSize(capture, m.sites);
   state->stats.noiseShot = m.noise.shot;
   state->stats.noiseRead = m.noise.read;
   state->stats.clippedSamples = m.clippedSamples;
+  state->stats.droppedRows = m.store.droppedRowCount();
+  state->stats.clippedSites =
+      static_cast<std::size_t>(std::count(m.clipped.begin(), m.clipped.end(), std::uint8_t{1}));
+  state->stats.measurementsOnDisk = !m.store.inMemory();
+  if (!storage.keepFolder.empty()) {
+    auto finished = FinishedTiles::open(storage.keepFolder, fitFingerprint(capture, options, m.sites.size()));
+    if (finished) {
+      state->finished = std::move(*finished);
+    } else {
+      job.warn("a fit that is stopped can't be resumed: " + finished.error().sentence());
+    }
+  }
   {
     SecondsOf timer(state->stats, "geometry");
     std::vector<Eigen::Vector2d> frequencies = {Eigen::Vector2d::Zero()};
@@ -71,6 +136,9 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
     SecondsOf timer(state->stats, "solve");
     solveSheet(*state, job);
   }
+  if (const auto failure = m.store.failure()) return *failure;
+  if (const auto failure = state->finished.failure())
+    job.warn("a fit that is stopped now starts over: " + failure->sentence());
   if (state->stats.texels == 0) {
     if (job.cancelled())
       return Error{ErrorCode::Cancelled, "the fit was cancelled before any texel was done", "", ""};
@@ -87,7 +155,7 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   for (const bool holdout : {false, true}) {
     if (job.cancelled() || (holdout && m.plan.heldOut.empty())) continue;
     SecondsOf timer(state->stats, holdout ? "holdout" : "predict");
-    const auto error = photoError(*state, holdout, job);
+    const auto error = photoError(*state, holdout, job, measurementStorage);
     if (!error && error.error().code != ErrorCode::Cancelled) return error.error();
     if (!error) break;
     (holdout ? state->stats.holdoutRms : state->stats.fitRms) = error->rms;
@@ -113,6 +181,13 @@ FourierFitState::Weights FourierFitState::weights(std::size_t site) const {
   return out;
 }
 
+void removeUnfinished(const std::filesystem::path& keepFolder) {
+  if (keepFolder.empty()) return;
+  std::error_code code;
+  std::filesystem::remove(keepFolder / FinishedTiles::kFileName, code);
+  std::filesystem::remove(keepFolder, code);  // only if nothing else lies in it
+}
+
 const char* statusName(TexelStatus status) {
   switch (status) {
     case TexelStatus::NotMeasured:
@@ -134,8 +209,8 @@ const char* statusName(TexelStatus status) {
 }
 
 Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,
-                                                     const FourierFitOptions& options,
-                                                     const JobContext& job) {
+                                                     const FourierFitOptions& options, const JobContext& job,
+                                                     const FourierFitStorage& storage) {
   const auto problems = options.validate();
   if (!problems.empty()) {
     std::string all;
@@ -146,7 +221,7 @@ Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& captu
   tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
   std::optional<Result<std::unique_ptr<FourierFitState>>> state;
   const auto start = Clock::now();
-  arena.execute([&] { state.emplace(runFit(capture, options, job)); });
+  arena.execute([&] { state.emplace(runFit(capture, options, job, storage)); });
   if (!*state) return state->error();
   FourierFitStats& stats = (**state)->stats;
   stats.threads = std::min(arena.max_concurrency(), tbb::info::default_concurrency());

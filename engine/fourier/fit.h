@@ -53,7 +53,13 @@ struct FourierFitStats {
   double noiseFloorFit = 0, noiseFloorHoldout = 0;
   double noiseShot = 0, noiseRead = 0;              ///< variance = shot * radiance + read^2, radiance units
   std::map<std::string, std::size_t> statusCounts;  ///< maps' texels by status name
-  std::size_t clippedSamples = 0;
+  std::size_t clippedSamples = 0;                   ///< pixels of photographs that saturate
+  std::size_t droppedRows = 0;    ///< measurements (a frequency's real or imaginary part at a site) left out
+                                  ///< for them
+  std::size_t clippedSites = 0;   ///< sites where too little is left
+  std::size_t resumedTexels = 0;  ///< of `texels`: taken over from an earlier, unfinished run
+  bool measurementsOnDisk = false;
+  bool coarserSites = false;  ///< pixels were grouped, because the memory limit asked for it
   bool cancelled = false;
   int threads = 0;
   std::size_t peakBytes = 0;  ///< of the process
@@ -83,15 +89,28 @@ class FourierFit {
   virtual LobeSlice lobeAt(int texelX, int texelY, bool horizontal, int count) const = 0;
 };
 
+/// Where a fit may leave things while it runs.
+struct FourierFitStorage {
+  /// Solutions of finished texels are kept here, so that the same fit, cancelled or killed, goes on where it
+  /// was; empty: nowhere. The caller removes it when the result is safe (`removeUnfinished`).
+  std::filesystem::path keepFolder;
+  /// For measurements beyond the memory limit; empty: the system's folder for temporary files.
+  std::filesystem::path scratchFolder;
+};
+/// Removes what a fit kept; nothing else that may lie in the folder.
+void removeUnfinished(const std::filesystem::path& keepFolder);
+
 /// Fits per-texel SVBRDF parameters to a capture of kind `fourier`.
 /// Source: frequency-domain paper, equations 6 to 12, appendices B to E; departures in docs/fourier_fit.md.
-/// Reads every fitted photograph for the fit, and all of them once more for the errors of prediction; those
-/// marked holdout only then. Progress stages: "read", "solve", "rescue" (neighbours' offers), "albedos",
-/// "maps", "predict", "holdout". Cancelled: the fit so far is returned with stats().cancelled set, unless
-/// nothing was fitted yet (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the
+/// Reads every photograph once; those marked holdout only for the error of prediction. Memory stays below
+/// `options.memoryLimitBytes`: measurements go to a scratch file, and where that isn't enough pixels are
+/// grouped to coarser sites, with a warning. Progress stages: "read", "solve", "rescue" (neighbours' offers),
+/// "albedos", "maps", "predict", "holdout". Cancelled: the fit so far is returned with stats().cancelled set,
+/// unless nothing was fitted yet (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the
 /// patterns can't determine the model. Threads: all cores, or job.threads.
 Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,
-                                                     const FourierFitOptions& options, const JobContext& job);
+                                                     const FourierFitOptions& options, const JobContext& job,
+                                                     const FourierFitStorage& storage = {});
 
 /// Writes `folder`/maps/*.exr and `folder`/fit.json as the command-line contract says; everything is written
 /// to a temporary folder beside it first, so that a failure leaves an earlier result as it was.

@@ -38,6 +38,8 @@ Json toJson(const FourierFit& fit) {
                      {"tolerance", options.tolerance},
                      {"neighbour_restarts", options.neighbourRestarts},
                      {"pool_neighbours", options.poolNeighbours},
+                     {"schedule", options.schedule == FitSchedule::Paper ? "paper" : "independent"},
+                     {"memory_bytes", options.memoryLimitBytes},
                      {"effects", "none"}};
   json["cancelled"] = stats.cancelled;
   auto number = [](double value) -> Json { return value > 0 ? Json(value) : Json(nullptr); };
@@ -49,6 +51,11 @@ Json toJson(const FourierFit& fit) {
   json["noise"] = {{"shot", stats.noiseShot}, {"read", stats.noiseRead}};
   json["status"] = stats.statusCounts;
   json["clipped_samples"] = stats.clippedSamples;
+  json["clipped_points"] = stats.clippedSites;
+  json["dropped_measurements"] = stats.droppedRows;
+  json["resumed_texels"] = stats.resumedTexels;
+  json["measurements_on_disk"] = stats.measurementsOnDisk;
+  json["coarser_points"] = stats.coarserSites;
   json["threads"] = stats.threads;
   json["peak_bytes"] = stats.peakBytes;
   json["solver"] = solverTarget();
@@ -104,7 +111,15 @@ Result<std::unique_ptr<FourierFitState>> loadState(const std::filesystem::path& 
     state->options.tolerance = options.at("tolerance").get<double>();
     state->options.neighbourRestarts = options.at("neighbour_restarts").get<bool>();
     state->options.poolNeighbours = options.at("pool_neighbours").get<bool>();
+    // Fits of earlier versions don't have what follows.
+    state->options.schedule =
+        options.value("schedule", "independent") == "paper" ? FitSchedule::Paper : FitSchedule::Independent;
+    state->options.memoryLimitBytes = options.value("memory_bytes", FourierFitOptions{}.memoryLimitBytes);
     FourierFitStats& stats = state->stats;
+    stats.clippedSites = json.value("clipped_points", std::size_t{0});
+    stats.droppedRows = json.value("dropped_measurements", std::size_t{0});
+    stats.resumedTexels = json.value("resumed_texels", std::size_t{0});
+    stats.coarserSites = json.value("coarser_points", false);
     auto number = [&](const char* key) {
       return json.at(key).is_number() ? json.at(key).get<double>() : -1.0;
     };
@@ -137,9 +152,12 @@ Result<std::unique_ptr<FourierFitState>> loadState(const std::filesystem::path& 
   }
   auto plan = planMeasurements(*capture, job);
   if (!plan) return plan.error();
-  auto sites = makeSites(*capture, state->options.size);
+  // A fit whose pixels were grouped for the memory limit is looked at with the same groups.
+  const int size = state->stats.coarserSites ? std::max(maps->width, maps->height) : state->options.size;
+  auto sites = makeSites(*capture, size);
   if (!sites) return sites.error();
-  auto measured = measure(*capture, std::move(*plan), std::move(*sites), job);
+  const MeasurementStorage storage{state->options.memoryLimitBytes, {}};
+  auto measured = measure(*capture, std::move(*plan), std::move(*sites), job, storage);
   if (!measured) return measured.error();
 
   state->capture = std::move(*capture);
@@ -174,8 +192,8 @@ Result<std::unique_ptr<FourierFitState>> loadState(const std::filesystem::path& 
   }
   // Held-out measurements for the spectra; the errors themselves stand in fit.json.
   if (!state->stats.cancelled && !state->measurements.plan.heldOut.empty()) {
-    const auto error = photoError(*state, true, job);
-    if (!error) return error.error();
+    const Status read = measureHeldOut(state->capture, state->measurements, job, storage);
+    if (!read) return read.error();
   }
   return state;
 }

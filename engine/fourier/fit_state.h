@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "engine/fourier/diffuse_transform.h"
+#include "engine/fourier/finished_tiles.h"
 #include "engine/fourier/fit.h"
 #include "engine/fourier/measurements.h"
 #include "engine/fourier/point_model.h"
@@ -21,6 +22,7 @@ struct FourierFitState {
   std::vector<SvbrdfParameters> sites;        ///< a solution for each site
   std::vector<TexelStatus> siteStatus;
   std::vector<float> siteResidual;
+  FinishedTiles finished;  ///< solutions of an earlier, unfinished run of the same fit
   SvbrdfMaps maps;
   FourierFitStats stats;
 
@@ -52,7 +54,8 @@ struct PhotoError {
 /// Predicts every photograph of the groups (and the window, for the fitted split) at every solved site and
 /// compares. Reads the photographs again; keeps the held-out measurements in `measurements.heldOut`.
 /// Polls for a stop every few hundred sites.
-Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobContext& job);
+Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobContext& job,
+                              const MeasurementStorage& storage = {});
 
 /// Wraps a finished state; immutable from then on.
 std::shared_ptr<const FourierFit> makeFourierFit(std::unique_ptr<FourierFitState> state);

@@ -23,6 +23,10 @@ struct SiteRun {
 /// the store), a copy otherwise.
 class SiteBlock {
  public:
+  SiteBlock() = default;
+  /// A look at records elsewhere: `stride` floats a site.
+  SiteBlock(SiteRun run, std::size_t stride, const float* z, const float* even)
+      : run_(run), stride_(stride), z_(z), even_(even) {}
   SiteRun run() const { return run_; }
   /// [frequency][re R G B, im R G B] of a site inside the run, numbered as everywhere.
   const float* z(std::size_t site) const { return z_ + (site - run_.first) * stride_; }

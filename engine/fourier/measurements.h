@@ -1,8 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <filesystem>
+#include <span>
 #include <vector>
 
 #include "engine/base/job.h"
@@ -77,11 +80,18 @@ struct FourierMeasurements {
   std::vector<float> brightness;       ///< [site][R G B]: mean radiance of the pattern photographs
   std::vector<float> clippedFraction;  ///< [site]: share of its samples that saturate
   NoiseModel noise;
-  double blackVarianceShare = 1;  ///< of one photograph's variance that is left in `black`
-  double fullScale = 1;           ///< 99.9th percentile of window minus black
-  std::size_t clippedSamples = 0;
+  double blackVarianceShare = 1;        ///< of one photograph's variance that is left in `black`
+  double fullScale = 1;                 ///< 99.9th percentile of window minus black
+  std::vector<float> window;            ///< [site][R G B]: the window photograph, black level included
+  std::vector<std::uint32_t> noWindow;  ///< sites whose window photograph saturates, ascending
+  std::vector<std::uint8_t> clipped;    ///< [site]: 1 where saturated photographs leave too little
+  std::size_t clippedSamples = 0;       ///< pixels of photographs that saturate
 
   int frequencyCount() const { return static_cast<int>(plan.fitted.size()); }
+  /// Whether the window photograph saturates there: Z(0) then comes from the patterns alone.
+  bool windowClipped(std::size_t site) const {
+    return std::binary_search(noWindow.begin(), noWindow.end(), static_cast<std::uint32_t>(site));
+  }
   /// Rows of Z that a saturated photograph spoils: see MeasurementStore::droppedRows. Those of Z and the even
   /// sums are numbers that mean nothing; leave them out.
   std::span<const std::uint16_t> droppedRows(std::size_t site) const { return store.droppedRows(site); }
@@ -99,12 +109,23 @@ struct FourierMeasurements {
   }
 };
 
-/// Reads the fitted photographs, once each, several at a time, and reduces them to measurements. Memory: 24
-/// bytes a site and frequency, and a few photographs. Errors: those of readPhoto; Cancelled.
-Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPlan plan, SiteSet sites,
-                                    const JobContext& job);
+/// How much memory measurements may take, and where they go beyond it.
+struct MeasurementStorage {
+  std::uint64_t memoryLimitBytes = std::uint64_t{4} << 30;  ///< the store half of it, strips an eighth
+  std::filesystem::path scratchFolder;                      ///< empty: the system's for temporary files
+};
 
-/// One photograph averaged over each site's pixels: [site][R G B].
-std::vector<float> sampleSites(const SiteSet& sites, const Image& photo);
+/// Reads the fitted photographs, once each, in strips of rows, several at a time, and reduces them to
+/// measurements. Samples that saturate are left out: where a pattern's photograph does, its row of Z (see
+/// droppedRows) and what else it enters; where the window does, Z(0) comes from the patterns' even sums. A
+/// site counts as clipped where less than 60 % of its rows are left, fewer than eight, or no Z(0). Errors:
+/// those of readPhoto; WriteFailed (scratch file); Cancelled.
+Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPlan plan, SiteSet sites,
+                                    const JobContext& job, const MeasurementStorage& storage = {});
+
+/// Reads the held-out photographs into `measurements.heldOut`, which stays empty on failure. Errors as
+/// `measure`. Progress stage: "holdout".
+Status measureHeldOut(const FourierCapture& capture, FourierMeasurements& measurements, const JobContext& job,
+                      const MeasurementStorage& storage = {});
 
 }  // namespace patina

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
+#include "engine/fourier/measurement_store.h"
 #include "engine/fourier/measurements.h"
 
 namespace patina {
@@ -21,17 +23,29 @@ double median(std::vector<double>& values) {
 
 }  // namespace
 
-void NoiseSamples::add(int index, const Eigen::Vector2i& frequency,
-                       const std::array<std::vector<float>, 4>& photo,
-                       const std::vector<std::int32_t>& pixelCount) {
-  Group& group = perFrequency_[index];
-  group.frequency = frequency.cast<double>().norm();
-  const std::size_t count = photo[0].size();
-  const std::size_t stride = std::max<std::size_t>(1, count / kMostSamples);
-  for (std::size_t i = 0; i < count; i += stride) {
-    const float even = photo[0][i] + photo[2][i], odd = photo[1][i] + photo[3][i];
-    group.samples.push_back({(even - odd) * std::sqrt(static_cast<float>(pixelCount[i / 3])), even + odd});
+NoiseSamples::NoiseSamples(const std::vector<Eigen::Vector2i>& frequencies, std::size_t siteCount)
+    : stride_(std::max<std::size_t>(1, siteCount * 3 / kMostSamples)) {
+  for (const auto& frequency : frequencies)
+    perFrequency_.push_back(
+        {frequency.cast<double>().norm(), std::vector<Sample>((siteCount * 3 + stride_ - 1) / stride_)});
+}
+
+void NoiseSamples::add(const SiteBlock& block, const std::vector<std::int32_t>& pixelCount) {
+  const std::size_t first = (block.run().first * 3 + stride_ - 1) / stride_;
+  for (std::size_t k = first; k * stride_ < block.run().end() * 3; ++k) {
+    const std::size_t site = k * stride_ / 3, channel = k * stride_ % 3;
+    const float scale = std::sqrt(static_cast<float>(pixelCount[site]));
+    const float* sums = block.even(site) + channel;
+    for (auto& group : perFrequency_) {
+      group.samples[k] = {(sums[0] - sums[3]) * scale, sums[0] + sums[3], true};
+      sums += 6;
+    }
   }
+}
+
+void NoiseSamples::drop(std::size_t site, int frequency) {
+  for (std::size_t k = (site * 3 + stride_ - 1) / stride_; k * stride_ < site * 3 + 3; ++k)
+    perFrequency_[static_cast<std::size_t>(frequency)].samples[k].kept = false;
 }
 
 NoiseModel NoiseSamples::estimate(double fullScale) const {
@@ -40,7 +54,7 @@ NoiseModel NoiseSamples::estimate(double fullScale) const {
   std::vector<Sample> samples;
   for (const auto& group : perFrequency_)
     if (group.frequency > 0.6 * highest)
-      samples.insert(samples.end(), group.samples.begin(), group.samples.end());
+      std::ranges::copy_if(group.samples, std::back_inserter(samples), &Sample::kept);
   NoiseModel fallback{1e-4 * fullScale, 1e-3 * fullScale};
   if (samples.size() < kFewestSamples) return fallback;
   std::ranges::sort(samples, {}, &Sample::brightness);

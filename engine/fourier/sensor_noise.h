@@ -8,6 +8,7 @@
 namespace patina {
 
 struct NoiseModel;
+class SiteBlock;
 
 /// Estimates shot and read noise from the capture itself.
 ///
@@ -17,11 +18,12 @@ struct NoiseModel;
 /// 4 read^2, whatever the material is.
 class NoiseSamples {
  public:
-  explicit NoiseSamples(int frequencyCount) : perFrequency_(frequencyCount) {}
-  /// Sites' radiance in the four photographs, [site][R G B]. Averages over several pixels are scaled back to
-  /// one. Not thread-safe.
-  void add(int index, const Eigen::Vector2i& frequency, const std::array<std::vector<float>, 4>& photo,
-           const std::vector<std::int32_t>& pixelCount);
+  NoiseSamples(const std::vector<Eigen::Vector2i>& frequencies, std::size_t siteCount);
+  /// The sites of a block with their even sums; only some are looked at. Averages over several pixels are
+  /// scaled back to one. Thread-safe for blocks that don't overlap.
+  void add(const SiteBlock& block, const std::vector<std::int32_t>& pixelCount);
+  /// Leaves out a site's sample of a frequency (a saturated photograph).
+  void drop(std::size_t site, int frequency);
   /// Robust fit (median absolute deviations in bins of brightness) over the highest frequencies. Falls back
   /// on a read noise of 1e-3 and shot noise of 1e-4 of full scale where there are too few samples (under
   /// 200).
@@ -29,12 +31,14 @@ class NoiseSamples {
 
  private:
   struct Sample {
-    float difference, brightness;  ///< scaled to one pixel; sum of four photographs
+    float difference = 0, brightness = 0;  ///< scaled to one pixel; sum of four photographs
+    bool kept = false;
   };
   struct Group {
     double frequency = 0;
     std::vector<Sample> samples;
   };
+  std::size_t stride_ = 1;  ///< of [site][R G B]
   std::vector<Group> perFrequency_;
 };
 

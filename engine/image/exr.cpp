@@ -65,6 +65,30 @@ class MemoryOutput : public Imf::OStream {
   std::size_t at_ = 0;
 };
 
+/// A file as OpenEXR's stream, never in memory as a whole.
+class FileInput : public Imf::IStream {
+ public:
+  FileInput(const RandomAccessFile& file, const std::string& name) : IStream(name.c_str()), file_(file) {}
+
+  bool read(char target[], int count) override {
+    if (count < 0 || static_cast<std::uint64_t>(count) > file_.size() - at_ ||
+        !file_.read(at_, target, static_cast<std::size_t>(count))) {
+      throw std::runtime_error("the file ends too early");
+    }
+    at_ += static_cast<std::uint64_t>(count);
+    return at_ < file_.size();
+  }
+  std::uint64_t tellg() override { return at_; }
+  void seekg(std::uint64_t position) override {
+    if (position > file_.size()) throw std::runtime_error("the file ends too early");
+    at_ = position;
+  }
+
+ private:
+  const RandomAccessFile& file_;
+  std::uint64_t at_ = 0;
+};
+
 /// A second fence behind `checkExrHeader`.
 void limitOpenExrOnce() {
   static std::once_flag once;
@@ -108,6 +132,74 @@ Result<T> guarded(const std::string& where, Body&& body) {
 
 }  // namespace
 
+namespace {
+
+Status checkChannels(const Imf::Header& header, const std::vector<std::string>& channels,
+                     const std::string& where) {
+  for (const std::string& name : channels) {
+    const Imf::Channel* channel = header.channels().findChannel(name);
+    if (!channel) {
+      return Error{ErrorCode::Malformed,
+                   "the image has no channel " + inQuotes(name) + "; it has " + listed(channelNames(header)),
+                   where, "save it with the channels " + listed(channels)};
+    }
+    if (channel->xSampling != 1 || channel->ySampling != 1) {
+      return malformed("the image's channel " + inQuotes(name) + " is stored at a lower resolution", where);
+    }
+  }
+  return Done{};
+}
+
+/// The header's check on the file's beginning; more of it where the header is longer.
+Status checkBeginning(const RandomAccessFile& file, const std::string& where, ImageSize expected) {
+  constexpr std::uint64_t kFirst = 1 << 16, kMost = 1 << 26;
+  std::string beginning;
+  for (std::uint64_t length = kFirst;; length *= 8) {
+    beginning.resize(static_cast<std::size_t>(std::min(length, file.size())));
+    if (!file.read(0, beginning.data(), beginning.size())) return malformed("the file can't be read", where);
+    const Result<ImageSize> checked = checkExrHeader(beginning, where, expected, file.size());
+    if (checked) return Done{};
+    if (beginning.size() == file.size() || length >= kMost || checked.error().code != ErrorCode::Malformed)
+      return checked.error();
+  }
+}
+
+}  // namespace
+
+Status readExrRows(const std::filesystem::path& path, const std::string& where,
+                   const std::vector<std::string>& channels, ImageSize expected, int firstRow, int rowCount,
+                   std::span<float> out) {
+  if (firstRow < 0 || rowCount < 1 || firstRow + rowCount > expected.height || channels.empty() ||
+      out.size() != static_cast<std::size_t>(rowCount) * expected.width * channels.size()) {
+    throw std::invalid_argument("readExrRows: rows of the picture, and room for them");
+  }
+  const Result<RandomAccessFile> file = RandomAccessFile::open(path, kMaxImageFileBytes);
+  if (!file) return file.error();
+  if (Status checked = checkBeginning(*file, where, expected); !checked) return checked;
+  limitOpenExrOnce();
+  const Result<Done> read = guarded<Done>(where, [&]() -> Result<Done> {
+    FileInput stream(*file, where);
+    Imf::InputFile input(stream, 0);
+    const Imath::Box2i window = input.header().dataWindow();
+    const ImageSize size{window.max.x - window.min.x + 1, window.max.y - window.min.y + 1};
+    if (size != expected) return malformed("the image's header contradicts itself", where);
+    if (Status wanted = checkChannels(input.header(), channels, where); !wanted) return wanted.error();
+    const Imath::Box2i rows(Imath::V2i(window.min.x, window.min.y + firstRow),
+                            Imath::V2i(window.max.x, window.min.y + firstRow + rowCount - 1));
+    Imf::FrameBuffer frame;
+    const std::size_t pixelBytes = channels.size() * sizeof(float);
+    for (std::size_t c = 0; c < channels.size(); ++c) {
+      frame.insert(channels[c], Imf::Slice::Make(Imf::FLOAT, out.data() + c, rows, pixelBytes,
+                                                 pixelBytes * static_cast<std::size_t>(size.width)));
+    }
+    input.setFrameBuffer(frame);
+    input.readPixels(rows.min.y, rows.max.y);
+    return Done{};
+  });
+  if (!read) return read.error();
+  return Done{};
+}
+
 Result<Image> readExrBytes(std::string_view bytes, const std::string& where,
                            const std::vector<std::string>& channels, std::optional<ImageSize> expected) {
   const Result<ImageSize> checked = checkExrHeader(bytes, where, expected);
@@ -119,18 +211,7 @@ Result<Image> readExrBytes(std::string_view bytes, const std::string& where,
     const Imath::Box2i window = file.header().dataWindow();
     const ImageSize size{window.max.x - window.min.x + 1, window.max.y - window.min.y + 1};
     if (size != *checked) return malformed("the image's header contradicts itself", where);
-    for (const std::string& name : channels) {
-      const Imf::Channel* channel = file.header().channels().findChannel(name);
-      if (!channel) {
-        return Error{
-            ErrorCode::Malformed,
-            "the image has no channel " + inQuotes(name) + "; it has " + listed(channelNames(file.header())),
-            where, "save it with the channels " + listed(channels)};
-      }
-      if (channel->xSampling != 1 || channel->ySampling != 1) {
-        return malformed("the image's channel " + inQuotes(name) + " is stored at a lower resolution", where);
-      }
-    }
+    if (Status wanted = checkChannels(file.header(), channels, where); !wanted) return wanted.error();
 
     Image image(size.width, size.height, static_cast<int>(channels.size()));
     if (channels.empty()) return image;
@@ -205,17 +286,21 @@ Status writeExr(const std::filesystem::path& file, const Image& image,
   return writeFileAtomically(file, bytes);
 }
 
+Error notFinite(float value, std::size_t x, std::size_t y, std::size_t channel, const std::string& where) {
+  return {ErrorCode::Invalid,
+          std::string("the image holds ") + (std::isnan(value) ? "a NaN" : "an infinite value") +
+              " at pixel (" + std::to_string(x) + ", " + std::to_string(y) + "), channel " +
+              std::to_string(channel),
+          where, "photograph or convert this image again; every pixel must be a finite number"};
+}
+
 Status requireFinite(const Image& image, const std::string& where) {
   const std::span<const float> samples = image.samples();
+  const auto channels = static_cast<std::size_t>(image.channels());
   for (std::size_t i = 0; i < samples.size(); ++i) {
     if (std::isfinite(samples[i])) continue;
-    const std::size_t pixel = i / static_cast<std::size_t>(image.channels());
-    const std::size_t width = static_cast<std::size_t>(image.width());
-    return Error{ErrorCode::Invalid,
-                 std::string("the image holds ") + (std::isnan(samples[i]) ? "a NaN" : "an infinite value") +
-                     " at pixel (" + std::to_string(pixel % width) + ", " + std::to_string(pixel / width) +
-                     "), channel " + std::to_string(i % static_cast<std::size_t>(image.channels())),
-                 where, "photograph or convert this image again; every pixel must be a finite number"};
+    const std::size_t pixel = i / channels, width = static_cast<std::size_t>(image.width());
+    return notFinite(samples[i], pixel % width, pixel / width, i % channels, where);
   }
   return Done{};
 }

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,14 @@ Result<Image> readExr(const std::filesystem::path& file, const std::vector<std::
 Result<Image> readExrBytes(std::string_view bytes, const std::string& where,
                            const std::vector<std::string>& channels, std::optional<ImageSize> expected = {});
 
+/// Reads rows firstRow .. firstRow + rowCount - 1 (0: the data window's top) of a file whose picture has the
+/// `expected` size, without the rest ever being in memory: `out` is rowCount x width x channels, interleaved.
+/// Opens the file each time; rows of one compressed block (16 or 32 in most files) are best read together,
+/// and rows of tiles likewise. Errors as `readExr`. Threading: any number of files at a time.
+Status readExrRows(const std::filesystem::path& file, const std::string& where,
+                   const std::vector<std::string>& channels, ImageSize expected, int firstRow, int rowCount,
+                   std::span<float> out);
+
 /// The channel names that a file holds, sorted.
 Result<std::vector<std::string>> exrChannels(const std::filesystem::path& file);
 
@@ -35,6 +44,9 @@ Result<std::vector<std::string>> exrChannels(const std::filesystem::path& file);
 Status writeExr(const std::filesystem::path& file, const Image& image,
                 const std::vector<std::string>& channels,
                 const std::map<std::string, std::string>& attributes = {}, bool half = false);
+
+/// The failure of an image with a sample that is no number.
+Error notFinite(float value, std::size_t x, std::size_t y, std::size_t channel, const std::string& where);
 
 /// Fails (Invalid) with the first pixel that holds a NaN or an infinity. Cost: one pass.
 Status requireFinite(const Image& image, const std::string& where);

@@ -167,7 +167,7 @@ bool readPart(Cursor& cursor, std::size_t fileBytes, Part* part) {
 }  // namespace
 
 Result<ImageSize> checkExrHeader(std::string_view bytes, const std::string& where,
-                                 std::optional<ImageSize> expected) {
+                                 std::optional<ImageSize> expected, std::optional<std::uint64_t> fileBytes) {
   const auto malformed = [&](const std::string& what) {
     return Error{ErrorCode::Malformed, what, where, "save or copy the image again"};
   };
@@ -178,14 +178,15 @@ Result<ImageSize> checkExrHeader(std::string_view bytes, const std::string& wher
     const std::uint32_t version = cursor.word();
     if (version & kDeep) return malformed("this is a deep OpenEXR image, which this program doesn't read");
     Part first;
-    if (!readPart(cursor, bytes.size(), &first)) throw BadHeader{"the header is empty"};
+    const std::size_t size = fileBytes ? static_cast<std::size_t>(*fileBytes) : bytes.size();
+    if (!readPart(cursor, size, &first)) throw BadHeader{"the header is empty"};
     if (version & kMultiPart) {
       Part other;
-      while (readPart(cursor, bytes.size(), &other)) other = Part();
+      while (readPart(cursor, size, &other)) other = Part();
     }
-    const ImageSize size{static_cast<int>(first.width), static_cast<int>(first.height)};
-    if (expected && size != *expected) return wrongSize(size, *expected, where);
-    return size;
+    const ImageSize found{static_cast<int>(first.width), static_cast<int>(first.height)};
+    if (expected && found != *expected) return wrongSize(found, *expected, where);
+    return found;
   } catch (const BadHeader& bad) {
     return malformed("the OpenEXR image is truncated or damaged: " + bad.what);
   }

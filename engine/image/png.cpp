@@ -2,6 +2,7 @@
 
 #include <png.h>
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <csetjmp>
@@ -19,8 +20,9 @@ namespace {
 /// What libpng's callbacks share with us. libpng jumps over stack frames when something is wrong; nothing
 /// that needs a destructor may therefore live in a function that calls setjmp.
 struct Source {
-  const unsigned char* bytes = nullptr;
-  std::size_t size = 0, at = 0;
+  const unsigned char* bytes = nullptr;    ///< in memory,
+  const RandomAccessFile* file = nullptr;  ///< or on disk
+  std::uint64_t size = 0, at = 0;
   char message[160] = "";
 };
 
@@ -32,7 +34,11 @@ struct Shape {
 void readBytes(png_structp png, png_bytep target, png_size_t count) {
   auto* source = static_cast<Source*>(png_get_io_ptr(png));
   if (count > source->size - source->at) png_error(png, "the file ends too early");
-  std::memcpy(target, source->bytes + source->at, count);
+  if (source->bytes) {
+    std::memcpy(target, source->bytes + source->at, count);
+  } else if (!source->file->read(source->at, reinterpret_cast<char*>(target), count)) {
+    png_error(png, "the file ends too early");
+  }
   source->at += count;
 }
 
@@ -82,6 +88,18 @@ bool readRows(png_structp png, png_bytepp rows) {
   return true;
 }
 
+bool readSomeRows(png_structp png, png_bytep first, std::size_t rowBytes, std::size_t count) {
+  if (setjmp(png_jmpbuf(png))) return false;
+  for (std::size_t y = 0; y < count; ++y) png_read_row(png, first + y * rowBytes, nullptr);
+  return true;
+}
+
+bool readEnd(png_structp png) {
+  if (setjmp(png_jmpbuf(png))) return false;
+  png_read_end(png, nullptr);
+  return true;
+}
+
 Error damaged(const Source& source, const std::string& where) {
   return {ErrorCode::Malformed, "the PNG image is truncated or damaged: " + inQuotes(source.message), where,
           "save or copy the image again"};
@@ -102,7 +120,7 @@ struct Reader {
 };
 
 Result<Image> decode(std::string_view bytes, const std::string& where, std::optional<ImageSize> expected) {
-  Source source{reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(), 0, ""};
+  Source source{reinterpret_cast<const unsigned char*>(bytes.data()), nullptr, bytes.size(), 0, ""};
   Reader reader(&source);
   if (!reader.info) throw std::bad_alloc();
   png_set_user_limits(reader.png, kMaxImageSide, kMaxImageSide);
@@ -162,6 +180,98 @@ Result<Image> readPng(const std::filesystem::path& file, std::optional<ImageSize
   Result<std::string> bytes = readFile(file, kMaxImageFileBytes);
   if (!bytes) return bytes.error();
   return readPngBytes(*bytes, file.string(), expected);
+}
+
+struct PngRows::State {
+  std::filesystem::path file;
+  std::string where;
+  ImageSize size;
+  Source source;
+  Shape shape;
+  std::unique_ptr<Reader> reader;
+  int row = 0;
+  bool interlaced = false;
+  std::vector<unsigned char> rows;  ///< of one call; the whole picture where it is interlaced
+
+  std::size_t rowBytes() const { return static_cast<std::size_t>(size.width) * 3 * (wide() ? 2 : 1); }
+  bool wide() const { return shape.bitDepth == 16; }
+};
+
+PngRows::PngRows(std::unique_ptr<State> state) : state_(std::move(state)) {}
+PngRows::PngRows(PngRows&&) noexcept = default;
+PngRows& PngRows::operator=(PngRows&&) noexcept = default;
+PngRows::~PngRows() = default;
+
+Result<PngRows> PngRows::open(const std::filesystem::path& path, const std::string& where,
+                              ImageSize expected) {
+  const Result<RandomAccessFile> file = RandomAccessFile::open(path, kMaxImageFileBytes);
+  if (!file) return file.error();
+  if (file->size() == 0)
+    return Error{ErrorCode::Malformed, "the file is empty", where, "save or copy the image again"};
+  constexpr std::string_view kSignature = "\x89PNG\r\n\x1a\n";
+  std::array<char, kSignature.size()> first{};
+  if (!file->read(0, first.data(), first.size()) ||
+      std::string_view(first.data(), first.size()) != kSignature) {
+    return Error{ErrorCode::Malformed, "this is not a PNG image", where,
+                 "save it as PNG, or leave 'encoding' out if it is a linear OpenEXR image"};
+  }
+  auto state = std::make_unique<State>();
+  state->file = path;
+  state->where = where;
+  state->size = expected;
+  Source& source = state->source;
+  source.file = &*file;
+  source.size = file->size();
+  state->reader = std::make_unique<Reader>(&source);
+  Reader& reader = *state->reader;
+  if (!reader.info) throw std::bad_alloc();
+  png_set_user_limits(reader.png, kMaxImageSide, kMaxImageSide);
+  if (!readShape(reader.png, reader.info, &state->shape)) return damaged(source, where);
+  const ImageSize size{static_cast<int>(state->shape.width), static_cast<int>(state->shape.height)};
+  if (size != expected) return wrongSize(size, expected, where);
+  state->interlaced = png_get_interlace_type(reader.png, reader.info) != PNG_INTERLACE_NONE;
+  if (!chooseFormat(reader.png, reader.info, &state->shape)) return damaged(source, where);
+  source.file = nullptr;
+  return PngRows(std::move(state));
+}
+
+Status PngRows::next(std::span<std::uint16_t> out) {
+  State& s = *state_;
+  const std::size_t rowSamples = static_cast<std::size_t>(s.size.width) * 3;
+  const std::size_t count = out.size() / rowSamples, rowBytes = s.rowBytes();
+  if (out.size() % rowSamples != 0 || count > static_cast<std::size_t>(s.size.height - s.row)) {
+    throw std::invalid_argument("PngRows: whole rows of the picture");
+  }
+  const Result<RandomAccessFile> file = RandomAccessFile::open(s.file, kMaxImageFileBytes);
+  if (!file) return file.error();
+  s.source.file = &*file;
+  s.source.size = file->size();
+  const unsigned char* from = nullptr;
+  if (s.interlaced) {
+    if (s.rows.empty()) {
+      s.rows.resize(rowBytes * static_cast<std::size_t>(s.size.height));
+      std::vector<png_bytep> rows(static_cast<std::size_t>(s.size.height));
+      for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = s.rows.data() + y * rowBytes;
+      if (!readRows(s.reader->png, rows.data())) return damaged(s.source, s.where);
+    }
+    from = s.rows.data() + static_cast<std::size_t>(s.row) * rowBytes;
+  } else {
+    s.rows.resize(rowBytes * count);
+    if (!readSomeRows(s.reader->png, s.rows.data(), rowBytes, count)) return damaged(s.source, s.where);
+    from = s.rows.data();
+  }
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (s.wide()) {
+      std::memcpy(&out[i], from + 2 * i, 2);
+    } else {
+      out[i] = static_cast<std::uint16_t>(from[i] * 257);
+    }
+  }
+  s.row += static_cast<int>(count);
+  if (!s.interlaced && s.row == s.size.height && !readEnd(s.reader->png)) return damaged(s.source, s.where);
+  if (!s.interlaced || s.row == s.size.height) std::vector<unsigned char>().swap(s.rows);
+  s.source.file = nullptr;
+  return Done{};
 }
 
 Status writePng(const std::filesystem::path& file, const Image& displayEncoded) {
