@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <map>
 #include <nlohmann/json.hpp>
+
+#include "app/cli/stage_titles.h"
 
 namespace patina::cli {
 namespace {
@@ -15,28 +16,6 @@ namespace {
 constexpr auto kRedrawEvery =
     std::chrono::milliseconds(100);                    // quick enough to look alive, slow enough to read
 constexpr auto kGuessAfter = std::chrono::seconds(2);  // a time left from less would jump about
-
-/// Ids of the engine's stages, to a person. An id that isn't here is shown as it is.
-std::string titleOf(std::string_view stage) {
-  static const std::map<std::string_view, std::string> titles = {
-      {"read", "Reading photographs"},
-      {"geometry", "Working out the geometry"},
-      {"solve", "Fitting"},
-      {"rescue", "Retrying stuck texels"},
-      {"albedos", "Settling the albedos"},
-      {"maps", "Making the maps"},
-      {"predict", "Predicting the photographs"},
-      {"holdout", "Checking against held-out photographs"},
-      {"expose", "Simulating photographs"},
-      {"write", "Writing photographs"},
-      {"search", "Searching directions"},
-      {"built-in basis", "Preparing the built-in basis (once)"},
-      {"map", "Mapping the materials"},
-      {"components", "Computing the components"},
-      {"dump", "Writing stage images"}};
-  const auto found = titles.find(stage);
-  return found != titles.end() ? found->second : std::string(stage);
-}
 
 std::string duration(double seconds) {
   char text[48];
@@ -94,12 +73,12 @@ void Console::progress(std::string_view stage, std::int64_t done, std::int64_t t
     drawLine(done, total, unit, now);
   } else if (newStage) {
     const std::string of = total > 0 ? " (" + std::to_string(total) + " " + std::string(unit) + ")" : "";
-    std::fprintf(stderr, "%s%s\n", titleOf(stage).c_str(), of.c_str());
+    std::fprintf(stderr, "%s%s\n", stageTitle(stage).c_str(), of.c_str());
   }
 }
 
 void Console::drawLine(std::int64_t done, std::int64_t total, std::string_view unit, Clock::time_point now) {
-  std::string line = titleOf(stage_);
+  std::string line = stageTitle(stage_);
   if (total > 0) {
     const double share = std::clamp(static_cast<double>(done) / static_cast<double>(total), 0.0, 1.0);
     line += "  " + std::to_string(static_cast<int>(share * 100)) + " %  " + std::to_string(done) + " of " +

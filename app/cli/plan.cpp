@@ -112,7 +112,7 @@ int runPlan(PlanArguments& arguments, Context& context) {
   for (const std::string& text : arguments.given) {
     Result<std::vector<ShotDirections>> shots = givenShots(text);
     if (!shots) {
-      if (shots.error().code == ErrorCode::Invalid) return context.misuse(shots.error().sentence() + ".");
+      if (shots.error().code == ErrorCode::Invalid) return context.misuse(shots.error().sentence());
       return context.fail(shots.error());
     }
     options.given.insert(options.given.end(), shots->begin(), shots->end());

@@ -1,0 +1,36 @@
+#include "app/cli/stage_titles.h"
+
+#include <map>
+
+namespace patina::cli {
+
+std::string stageTitle(std::string_view stage) {
+  // A test holds that every id that the engine and the devices report is here.
+  static const std::map<std::string_view, std::string> titles = {
+      {"read", "Reading photographs"},
+      {"geometry", "Working out the geometry"},
+      {"levels", "Fitting coarse levels"},
+      {"measure", "Measuring the BRDF"},
+      {"solve", "Fitting"},
+      {"rescue", "Retrying stuck texels"},
+      {"albedos", "Settling the albedos"},
+      {"upsample", "Refining the coarse solution"},
+      {"maps", "Making the maps"},
+      {"posterior", "Working out how far to trust it"},
+      {"predict", "Predicting the photographs"},
+      {"holdout", "Checking against held-out photographs"},
+      {"expose", "Simulating photographs"},
+      {"write", "Writing photographs"},
+      {"search", "Searching directions"},
+      {"built-in basis", "Preparing the built-in basis (once)"},
+      {"map", "Mapping the materials"},
+      {"components", "Computing the components"},
+      {"tabulate", "Filling the table"},
+      {"compare", "Comparing the BRDFs"},
+      {"sphere", "Drawing the sphere"},
+      {"dump", "Writing stage images"}};
+  const auto found = titles.find(stage);
+  return found != titles.end() ? found->second : std::string(stage);
+}
+
+}  // namespace patina::cli
