@@ -233,6 +233,8 @@ void ComparisonPanel::refreshPictures() {
     if (!shot_->white)
       caption += QStringLiteral("  \u00b7  ") + namedAnglesText(directionsOf(*shot_->shot).centre());
     if (shot_->shot->holdout && !shot_->white) caption += tr("  \u00b7  not read by the reconstruction");
+    if (shot_->comparison && !shot_->comparison->leftOut.empty())
+      caption += tr("  \u00b7  left out: it could not be used");
     if (!fit_ && !shot_->white) caption += tr("  \u00b7  not reconstructed yet");
   }
   caption_->setText(caption);

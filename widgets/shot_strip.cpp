@@ -53,6 +53,8 @@ class ShotStrip::Model : public QAbstractListModel {
       text += tr("\nexposure %1 s").arg(entry.shot->exposureS, 0, 'g', 4);
       if (entry.white) text += tr("\nThe white tile in the sample's place: the pixels' units come from it");
       if (entry.shot->holdout && !entry.white) text += tr("\nHeld out: the reconstruction does not read it");
+      if (entry.comparison && !entry.comparison->leftOut.empty())
+        text += tr("\nLeft out: %1").arg(QString::fromStdString(entry.comparison->leftOut));
       if (entry.comparison && entry.comparison->rms >= 0) {
         text += tr("\nRMS %1 of the photograph's").arg(percentText(entry.comparison->rms));
         if (entry.comparison->noiseFloor > 0)

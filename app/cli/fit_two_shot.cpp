@@ -8,11 +8,7 @@
 
 #include "app/cli/fit_folder.h"
 #include "engine/base/text.h"
-#include "engine/image/png.h"
-#include "engine/render/colour_map.h"
-#include "engine/render/contact_sheet.h"
-#include "engine/render/measured_sphere.h"
-#include "engine/render/tone_map.h"
+#include "engine/render/two_shot_pictures.h"
 
 namespace patina::cli {
 namespace {
@@ -29,73 +25,6 @@ std::optional<Number> parseNumber(const std::string& text) {
   return value;
 }
 
-/// Small photographs twice, three times, ... as large, so that a label fits below.
-Image enlarged(const Image& small) {
-  constexpr int kLeastWidth = 300;
-  const int times = std::max(1, (kLeastWidth + small.width() - 1) / small.width());
-  Image large(small.width() * times, small.height() * times, small.channels());
-  for (int y = 0; y < large.height(); ++y) {
-    for (int x = 0; x < large.width(); ++x) {
-      for (int c = 0; c < large.channels(); ++c) large.at(x, y, c) = small.at(x / times, y / times, c);
-    }
-  }
-  return large;
-}
-
-/// Captured, predicted and their difference for one photograph, side by side; the difference in colours from
-/// 0 to half of the brightness shown as white.
-Image comparisonRow(const TwoShotComparison& comparison) {
-  const float exposure = autoExposure(comparison.captured);
-  Image difference(comparison.captured.width(), comparison.captured.height(), 3);
-  for (std::size_t i = 0; i < difference.pixelCount(); ++i) {
-    float off = 0;
-    for (int c = 0; c < 3; ++c) {
-      off +=
-          std::abs(comparison.captured.samples()[3 * i + c] - comparison.rendered.samples()[3 * i + c]) / 3;
-    }
-    const auto colour = mapColour(ColourMap::Magma, 2 * exposure * off);
-    for (int c = 0; c < 3; ++c) difference.samples()[3 * i + c] = colour[c];
-  }
-  char error[64];
-  std::snprintf(error, sizeof error, "difference, RMS %.1f %%", 100 * comparison.rms);
-  return labelledRow(
-      {enlarged(toneMap(comparison.captured, exposure)), enlarged(toneMap(comparison.rendered, exposure)),
-       enlarged(difference)},
-      {comparison.file + (comparison.holdout ? ", held out" : ", fitted"), "predicted", error});
-}
-
-Image stacked(const std::vector<Image>& rows) {
-  int width = 0, height = 0;
-  for (const Image& row : rows) width = std::max(width, row.width()), height += row.height();
-  if (width == 0) return {};
-  Image page(width, height, 3, 0.13f);
-  int top = 0;
-  for (const Image& row : rows) {
-    for (int y = 0; y < row.height(); ++y) {
-      for (int x = 0; x < row.width(); ++x) {
-        for (int c = 0; c < 3; ++c) page.at(x, top + y, c) = row.at(x, y, c);
-      }
-    }
-    top += row.height();
-  }
-  return page;
-}
-
-Status writePictures(const fs::path& folder, const TwoShotFit& fit, const JobContext& job) {
-  for (std::size_t m = 0; m < fit.materials.size(); ++m) {
-    const TwoShotMaterial& material = fit.materials[m];
-    Result<Image> sheet = sphereSheet(*material.brdf, material.posteriorSd.get(), material.priorSd,
-                                      SpherePictureOptions{.size = 320}, job);
-    if (!sheet) return sheet.error();
-    const std::string name = m == 0 ? "sphere.png" : "sphere_" + std::to_string(m + 1) + ".png";
-    if (Status written = writePng(folder / name, *sheet); !written) return written;
-  }
-  std::vector<Image> rows;
-  for (const TwoShotComparison& comparison : fit.comparisons) rows.push_back(comparisonRow(comparison));
-  if (rows.empty()) return Done{};
-  return writePng(folder / "comparison.png", stacked(rows));
-}
-
 std::string number(const char* pattern, double value) {
   char text[64];
   std::snprintf(text, sizeof text, pattern, value);
@@ -106,6 +35,7 @@ void printTwoShotSummary(const TwoShotFit& fit, Context& context) {
   const TwoShotStats& stats = fit.stats;
   std::size_t fitted = 0;
   for (const TwoShotPhoto& shot : fit.capture.shots) fitted += !shot.holdout;
+  for (const TwoShotComparison& shot : fit.comparisons) fitted -= !shot.leftOut.empty();
   const auto total = stats.seconds.find("total");
   context.console.say((stats.cancelled ? "Cancelled; kept " : "Reconstructed ") +
                       counted(fit.materials.size(), "material") + " from " + counted(fitted, "photograph") +
@@ -132,8 +62,11 @@ void printTwoShotStats(const TwoShotFit& fit, Context& context) {
                         number("%.3f", material.share));
   }
   for (const TwoShotComparison& comparison : fit.comparisons) {
-    context.console.say(comparison.file + (comparison.holdout ? " (held out)" : "") + ": relative RMS " +
-                        number("%.4f", comparison.rms) + ", noise " + number("%.4f", comparison.noiseFloor));
+    const char* role = comparison.holdout ? " (held out)" : comparison.leftOut.empty() ? "" : " (left out)";
+    context.console.say(comparison.file + role + ": " +
+                        (comparison.rms >= 0 ? "relative RMS " + number("%.4f", comparison.rms) + ", noise " +
+                                                   number("%.4f", comparison.noiseFloor)
+                                             : std::string("nothing to compare")));
   }
 }
 
@@ -184,7 +117,7 @@ int runTwoShotFit(const std::string& bundle, const std::string& out, const TwoSh
   JobContext pictures = job;
   pictures.stop = {};
   Status written = writeTwoShotFit(
-      out, **fit, [&](const fs::path& folder) { return writePictures(folder, **fit, pictures); });
+      out, **fit, [&](const fs::path& folder) { return writeTwoShotPictures(folder, **fit, pictures); });
   if (!written) return context.fail(written.error());
   context.console.finishProgress();
   printTwoShotSummary(**fit, context);

@@ -7,8 +7,7 @@
 #include "app/window/services.h"
 #include "devices/simulated/two_shot_scenes.h"
 #include "engine/base/atomic_file.h"
-#include "engine/image/png.h"
-#include "engine/render/measured_sphere.h"
+#include "engine/render/two_shot_pictures.h"
 
 namespace patina {
 
@@ -49,20 +48,6 @@ std::string kindOfFit(const std::filesystem::path& folder) {
       .toStdString();
 }
 
-/// sphere.png, sphere_2.png, ...: each material under several lights.
-Status writeSpheres(const std::filesystem::path& folder, const TwoShotFit& fit) {
-  constexpr int kSizePx = 320;
-  for (std::size_t i = 0; i < fit.materials.size(); ++i) {
-    const TwoShotMaterial& material = fit.materials[i];
-    const auto sheet = sphereSheet(*material.brdf, material.posteriorSd.get(), material.priorSd,
-                                   SpherePictureOptions{.size = kSizePx});
-    if (!sheet) return sheet.error();
-    const std::string name = i == 0 ? "sphere.png" : "sphere_" + std::to_string(i + 1) + ".png";
-    if (auto written = writePng(folder / name, *sheet); !written) return written;
-  }
-  return Done{};
-}
-
 }  // namespace
 
 void Services::addTwoShot() {
@@ -82,8 +67,9 @@ void Services::addTwoShot() {
     return patina::fitTwoShot(capture, *basis, options, job);
   };
   writeTwoShotFit = [](const std::filesystem::path& folder, const TwoShotFit& fit) {
-    return patina::writeTwoShotFit(
-        folder, fit, [&fit](const std::filesystem::path& staged) { return writeSpheres(staged, fit); });
+    return patina::writeTwoShotFit(folder, fit, [&fit](const std::filesystem::path& staged) {
+      return writeTwoShotPictures(staged, fit, {});
+    });
   };
   loadTwoShotFit = [](const std::filesystem::path& folder, const JobContext& job) {
     return patina::loadTwoShotFit(folder, job);

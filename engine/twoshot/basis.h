@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -72,15 +73,15 @@ class Basis {
   virtual BasisRows rows(std::span<const HalfDiffAngles> angles, std::vector<int>* kept = nullptr) const = 0;
 
   /// The BRDF with coefficients `c`, k x 3 (R, G, B), unmapped, on the MERL grid; uncovered cells -1. All
-  /// cores; 300 components: about 0.3 s.
-  virtual std::shared_ptr<const TabulatedBrdf> reconstruct(const Eigen::MatrixXd& c,
-                                                           BrdfOrigin origin) const = 0;
+  /// cores; 300 components: about 0.3 s. Null where `stop` was asked for before it was done.
+  virtual std::shared_ptr<const TabulatedBrdf> reconstruct(const Eigen::MatrixXd& c, BrdfOrigin origin,
+                                                           const std::stop_token& stop) const = 0;
 
   /// sqrt(q^T C q) for every cell of the MERL grid, natural-log units, -1 where uncovered, given
   /// C = (I - B^T W B) * scale with B r x k of orthonormal rows and W r x r symmetric: the posterior's
-  /// standard deviation.
-  virtual std::vector<float> posteriorSd(const Eigen::MatrixXd& b, const Eigen::MatrixXd& w,
-                                         double scale) const = 0;
+  /// standard deviation. Empty where `stop` was asked for before it was done. All cores.
+  virtual std::vector<float> posteriorSd(const Eigen::MatrixXd& b, const Eigen::MatrixXd& w, double scale,
+                                         const std::stop_token& stop) const = 0;
 };
 
 using BasisPtr = std::shared_ptr<const Basis>;

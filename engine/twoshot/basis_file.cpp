@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -114,17 +115,25 @@ class BasisFile : public Basis {
   }
 
   BasisRows rows(std::span<const HalfDiffAngles> angles, std::vector<int>* kept) const override;
-  std::shared_ptr<const TabulatedBrdf> reconstruct(const MatrixXd& c, BrdfOrigin origin) const override;
-  std::vector<float> posteriorSd(const MatrixXd& b, const MatrixXd& w, double scale) const override;
+  std::shared_ptr<const TabulatedBrdf> reconstruct(const MatrixXd& c, BrdfOrigin origin,
+                                                   const std::stop_token& stop) const override;
+  std::vector<float> posteriorSd(const MatrixXd& b, const MatrixXd& w, double scale,
+                                 const std::stop_token& stop) const override;
 
  private:
-  /// Calls visit(first, slab) for slabs of rows turned to floats, on all cores.
+  /// Calls visit(first, slab) for slabs of rows turned to floats, on all cores. False where it was stopped: a
+  /// slab, which takes a few milliseconds, is finished, and no other begun.
   template <typename Visit>
-  void forSlabs(const Visit& visit) const {
+  bool forSlabs(const std::stop_token& stop, const Visit& visit) const {
+    std::atomic<bool> stopped = false;
     const std::size_t slabs = (header_.cells + kSlab - 1) / kSlab;
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, slabs, 1), [&](const auto& range) {
       RowMajorMatrixXf slab;
       for (std::size_t s = range.begin(); s < range.end(); ++s) {
+        if (stop.stop_requested()) {
+          stopped = true;
+          return;
+        }
         const std::size_t first = s * kSlab, count = std::min(kSlab, header_.cells - first);
         const std::size_t k = header_.components;
         slab.resize(static_cast<Index>(count), static_cast<Index>(k));
@@ -132,6 +141,7 @@ class BasisFile : public Basis {
         visit(first, slab);
       }
     });
+    return !stopped;
   }
   Eigen::Map<const Eigen::VectorXf> scales() const { return {scales_, header_.components}; }
 
@@ -216,14 +226,15 @@ BasisRows BasisFile::rows(std::span<const HalfDiffAngles> angles, std::vector<in
   return found;
 }
 
-std::shared_ptr<const TabulatedBrdf> BasisFile::reconstruct(const MatrixXd& c, BrdfOrigin origin) const {
+std::shared_ptr<const TabulatedBrdf> BasisFile::reconstruct(const MatrixXd& c, BrdfOrigin origin,
+                                                            const std::stop_token& stop) const {
   if (c.rows() != header_.components || c.cols() != 3) {
     throw std::invalid_argument("Basis::reconstruct: coefficients are k x 3");
   }
   TabulatedBrdf::Planes planes;
   for (auto& plane : planes) plane.assign(MerlGrid::kCells, -1.0);
   const RowMajorMatrixXf scaled = (scales().asDiagonal() * c.cast<float>()).eval();
-  forSlabs([&](std::size_t first, const RowMajorMatrixXf& slab) {
+  const bool whole = forSlabs(stop, [&](std::size_t first, const RowMajorMatrixXf& slab) {
     RowMajorMatrixXf mapped;
     multiply(slab, scaled, mapped);
     for (Index i = 0; i < slab.rows(); ++i) {
@@ -240,10 +251,12 @@ std::shared_ptr<const TabulatedBrdf> BasisFile::reconstruct(const MatrixXd& c, B
       }
     }
   });
+  if (!whole) return nullptr;
   return std::make_shared<TabulatedBrdf>(std::move(planes), std::move(origin));
 }
 
-std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, double scale) const {
+std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, double scale,
+                                          const std::stop_token& stop) const {
   const Index k = header_.components;
   if (b.cols() != k || w.rows() != b.rows() || w.cols() != b.rows()) {
     throw std::invalid_argument("Basis::posteriorSd: B is r x k, W is r x r");
@@ -258,7 +271,7 @@ std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, 
       (scales().asDiagonal() * reduced.transpose().cast<float>()).eval();  // k x r
   const Eigen::ArrayXf squares = scales().array().square();
   std::vector<float> sd(MerlGrid::kCells, -1.0f);
-  forSlabs([&](std::size_t first, const RowMajorMatrixXf& slab) {
+  const bool whole = forSlabs(stop, [&](std::size_t first, const RowMajorMatrixXf& slab) {
     RowMajorMatrixXf seen;
     multiply(slab, turned, seen);
     for (Index i = 0; i < slab.rows(); ++i) {
@@ -271,6 +284,7 @@ std::vector<float> BasisFile::posteriorSd(const MatrixXd& b, const MatrixXd& w, 
       sd[base + MerlGrid::kPhiD - 1 - phi] = value;
     }
   });
+  if (!whole) return {};
   return sd;
 }
 

@@ -79,12 +79,14 @@ class SubsetBasis : public Basis {
     return rows;
   }
 
-  std::shared_ptr<const TabulatedBrdf> reconstruct(const MatrixXd& c, BrdfOrigin origin) const override {
+  std::shared_ptr<const TabulatedBrdf> reconstruct(const MatrixXd& c, BrdfOrigin origin,
+                                                   const std::stop_token& stop) const override {
     const MatrixXd whole = (turn_ * c).colwise() + shift_;
-    return whole_->reconstruct(whole, std::move(origin));
+    return whole_->reconstruct(whole, std::move(origin), stop);
   }
 
-  std::vector<float> posteriorSd(const MatrixXd& b, const MatrixXd& w, double scale) const override {
+  std::vector<float> posteriorSd(const MatrixXd& b, const MatrixXd& w, double scale,
+                                 const std::stop_token& stop) const override {
     // q' = T^T q: T (I - B^T W B) T^T = I - N with N = I - T T^T + T B^T W B T^T, which is positive.
     const MatrixXd turned = product(b, false, turn_, true);  // B T^T
     MatrixXd missing = MatrixXd::Identity(turn_.rows(), turn_.rows()) - product(turn_, false, turn_, true);
@@ -95,7 +97,7 @@ class SubsetBasis : public Basis {
     const Index rank = missing.rows() - small;
     const MatrixXd directions = eigen.vectors.rightCols(rank).transpose();
     const MatrixXd weights = eigen.values.tail(rank).asDiagonal();
-    return whole_->posteriorSd(directions, weights, scale);
+    return whole_->posteriorSd(directions, weights, scale, stop);
   }
 
  private:

@@ -174,8 +174,9 @@ class Fitter {
     if (materials_.count > 1) origin.name += ", material " + std::to_string(index + 1);
     origin.format = "merl";
     origin.note = "reconstructed from photographs with the basis " + inQuotes(fit_->basis->name());
-    material.brdf = fit_->basis->reconstruct(material.coefficients, std::move(origin));
+    material.brdf = fit_->basis->reconstruct(material.coefficients, std::move(origin), job_.stop);
     watch_.lap("unmap");
+    if (!material.brdf) return cancelled();
     return Done{};
   }
 
@@ -197,8 +198,10 @@ class Fitter {
     const Posterior posterior = makePosterior(basis, work.problem->directions, work.problem->eigenvalues,
                                               work.eta, left, work.residual);
     material.priorSd = posterior.priorSd;
-    material.posteriorSd = std::make_shared<const std::vector<float>>(
-        basis.posteriorSd(posterior.observed, posterior.shrunk, posterior.scale));
+    std::vector<float> sd =
+        basis.posteriorSd(posterior.observed, posterior.shrunk, posterior.scale, job_.stop);
+    if (sd.empty()) return;
+    material.posteriorSd = std::make_shared<const std::vector<float>>(std::move(sd));
     if (job_.cancelled()) return;
     NextShot next;
     next = suggestNextShot(basis, material.coefficients, factor, rowWeight, work.eta, discOf(fit_->capture),
@@ -238,11 +241,13 @@ class Fitter {
         job_.progress("predict", ++done, total, "photos");
       }
     }
-    std::vector<bool> heldOut;
-    for (const TwoShotPhoto& shot : capture.shots) heldOut.push_back(shot.holdout);
-    auto others = compareShots(capture, fit_->materials, materials_, job_, &fitted, &held, heldOut, done);
-    if (!others) return others.error();
-    for (TwoShotComparison& comparison : *others) fit_->comparisons.push_back(std::move(comparison));
+    std::vector<bool> others;
+    for (std::size_t s = 0; s < capture.shots.size(); ++s)
+      others.push_back(capture.shots[s].holdout || loaded_.leftOut.contains(s));
+    auto compared = compareShots(capture, fit_->materials, materials_, loaded_.leftOut, job_, &fitted, &held,
+                                 others, done);
+    if (!compared) return compared.error();
+    for (TwoShotComparison& comparison : *compared) fit_->comparisons.push_back(std::move(comparison));
     TwoShotStats& stats = fit_->stats;
     stats.fitRms = fitted.rms(), stats.noiseFloorFit = fitted.noiseFloor();
     stats.holdoutRms = held.rms(), stats.noiseFloorHoldout = held.noiseFloor();

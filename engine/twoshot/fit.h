@@ -50,9 +50,11 @@ struct TwoShotMaterial {
 struct TwoShotComparison {
   std::string file;
   bool holdout = false;
-  Image captured;   ///< R G B, as the photograph, 0 off the sample
-  Image rendered;   ///< the same units
-  double rms = -1;  ///< relative: sqrt(sum (rendered - captured)^2 / sum captured^2) over sample and channels
+  std::string leftOut;    ///< why the fit couldn't use it, a sentence; empty where it did, or was not to
+  Image captured;         ///< R G B, as the photograph, 0 off the sample
+  Image rendered;         ///< the same units; empty where what lit a photograph that was left out is unknown
+  double rms = -1;        ///< relative: sqrt(sum (rendered - captured)^2 / sum captured^2) over sample and
+                          ///< channels; -1 where nothing can be compared
   double noiseFloor = 0;  ///< the same for a perfect model
   HalfDiffAngles centre;
 };
@@ -75,7 +77,7 @@ struct TwoShotFit {
   std::vector<TwoShotMaterial> materials;  ///< largest share first; at least one
   Image labels;  ///< one channel over the first shot's pixels: material index, -1 off the sample; empty for
                  ///< one material
-  std::vector<TwoShotComparison> comparisons;  ///< all shots, fitted first
+  std::vector<TwoShotComparison> comparisons;  ///< all shots: fitted, left out, held out
   TwoShotStats stats;
 };
 

@@ -1,9 +1,11 @@
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <array>
 #include <cinttypes>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -59,6 +61,26 @@ Json toJson(const ExpectedError& expected) {
           {"posterior", expected.posterior}};
 }
 
+/// Where the prediction of each photograph goes, below the fit's folder: the photograph's own name and
+/// folder, numbered where another has it already (`a.png` beside `a.exr`). Empty where there is no
+/// prediction.
+std::vector<std::string> renderedFiles(const TwoShotFit& fit) {
+  std::vector<std::string> files;
+  for (const TwoShotComparison& comparison : fit.comparisons) {
+    if (comparison.rendered.empty()) {
+      files.emplace_back();
+      continue;
+    }
+    const fs::path photo = fs::path("rendered") / fs::path(comparison.file).lexically_normal();
+    fs::path file = photo;
+    file.replace_extension(".exr");
+    for (int n = 2; std::find(files.begin(), files.end(), file.string()) != files.end(); ++n)
+      file.replace_filename(photo.stem().string() + "_" + std::to_string(n) + ".exr");
+    files.push_back(file.string());
+  }
+  return files;
+}
+
 Json toJson(const TwoShotFit& fit) {
   const TwoShotStats& stats = fit.stats;
   const TwoShotFitOptions& options = fit.options;
@@ -109,14 +131,18 @@ Json toJson(const TwoShotFit& fit) {
                                  {"expected", toJson(material.expected)}});
   }
   json["shots"] = Json::array();
-  for (const TwoShotComparison& comparison : fit.comparisons) {
+  const std::vector<std::string> rendered = renderedFiles(fit);
+  for (std::size_t s = 0; s < fit.comparisons.size(); ++s) {
+    const TwoShotComparison& comparison = fit.comparisons[s];
     json["shots"].push_back({{"file", comparison.file},
                              {"split", comparison.holdout ? "holdout" : "fit"},
+                             {"rendered", rendered[s].empty() ? Json(nullptr) : Json(rendered[s])},
                              {"rms", measured(comparison.rms)},
                              {"noise_floor", measured(comparison.noiseFloor)},
                              {"theta_h_deg", degrees(comparison.centre.thetaHRad)},
                              {"theta_d_deg", degrees(comparison.centre.thetaDRad)},
                              {"phi_d_deg", degrees(comparison.centre.phiDRad)}});
+    if (!comparison.leftOut.empty()) json["shots"].back()["left_out"] = comparison.leftOut;
   }
   json["remarks"] = stats.remarks;
   return json;
@@ -193,10 +219,11 @@ Status writeInto(const fs::path& folder, const TwoShotFit& fit) {
   if (!fit.comparisons.empty()) {
     if (auto status = makeFolder(folder / "rendered"); !status) return status;
   }
-  for (const TwoShotComparison& comparison : fit.comparisons) {
-    // A photograph may lie in a folder of the bundle; its prediction lies in the same one here.
-    fs::path file = folder / "rendered" / comparison.file;
-    file.replace_extension(".exr");
+  const std::vector<std::string> rendered = renderedFiles(fit);
+  for (std::size_t s = 0; s < fit.comparisons.size(); ++s) {
+    if (rendered[s].empty()) continue;
+    const TwoShotComparison& comparison = fit.comparisons[s];
+    const fs::path file = folder / rendered[s];
     if (auto status = makeFolder(file.parent_path()); !status) return status;
     if (auto status = writeExr(file, comparison.rendered, {"R", "G", "B"},
                                {{"units", "as the photograph " + comparison.file}}, false);
@@ -234,8 +261,15 @@ Eigen::Vector3d vectorOf(const Json& json) {
   return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
 }
 
-/// Everything that fit.json holds, photographs aside. Throws nlohmann's exceptions.
-void readFitJson(const Json& json, TwoShotFit* fit, fs::path* bundle, std::string* checksum) {
+/// Everything that fit.json holds, photographs aside; of these only which were left out, and why. Throws
+/// nlohmann's exceptions.
+void readFitJson(const Json& json, TwoShotFit* fit, fs::path* bundle, std::string* checksum,
+                 std::map<std::string, std::string>* leftOut) {
+  // Fits of earlier versions don't say it.
+  for (const Json& shot : json.at("shots")) {
+    if (shot.contains("left_out"))
+      (*leftOut)[shot.at("file").get<std::string>()] = shot.at("left_out").get<std::string>();
+  }
   *bundle = json.at("bundle").get<std::string>();
   const Json& options = json.at("options");
   fit->options.eta = options.at("eta").get<double>();
@@ -323,10 +357,11 @@ Result<std::shared_ptr<const TwoShotFit>> load(const fs::path& folder, const Job
   auto fit = std::make_shared<TwoShotFit>();
   fs::path bundle;
   std::string checksum;
+  std::map<std::string, std::string> leftOutFiles;
   try {
     const Json json = Json::parse(*text);
     if (json.at("kind") != "two-shot") return malformed(jsonFile, "this is not a fit of kind two-shot");
-    readFitJson(json, fit.get(), &bundle, &checksum);
+    readFitJson(json, fit.get(), &bundle, &checksum, &leftOutFiles);
   } catch (const nlohmann::json::exception& problem) {
     return malformed(jsonFile, std::string("fit.json can't be understood: ") + problem.what());
   }
@@ -367,8 +402,13 @@ Result<std::shared_ptr<const TwoShotFit>> load(const fs::path& folder, const Job
   fit->capture = std::move(*capture);
   auto labels = readLabels(folder, fit.get());
   if (!labels) return labels.error();
+  std::map<std::size_t, std::string> leftOut;
+  for (std::size_t s = 0; s < fit->capture.shots.size(); ++s) {
+    const auto reason = leftOutFiles.find(fit->capture.shots[s].file);
+    if (reason != leftOutFiles.end() && !fit->capture.shots[s].holdout) leftOut[s] = reason->second;
+  }
   ErrorSums sums;
-  auto compared = compareShots(fit->capture, fit->materials, *labels, job, &sums, &sums);
+  auto compared = compareShots(fit->capture, fit->materials, *labels, leftOut, job, &sums, &sums);
   if (!compared) return compared.error();
   fit->comparisons = std::move(*compared);
   return std::shared_ptr<const TwoShotFit>(std::move(fit));

@@ -3,6 +3,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -64,31 +65,67 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
   return comparison;
 }
 
+namespace {
+
+/// A photograph of which only itself can be shown.
+TwoShotComparison withoutPrediction(const TwoShotPhoto& photo, const Image& captured,
+                                    const SampleView& view) {
+  TwoShotComparison comparison;
+  comparison.file = photo.file;
+  comparison.holdout = photo.holdout;
+  comparison.centre = halfDiffFromDirections(photo.toLight, view.cameraMm.normalized());
+  comparison.captured = Image(view.width, view.height, 3);
+  for (std::size_t i = 0; i < view.onSample.size(); ++i) {
+    for (std::size_t c = 0; c < 3 && view.onSample[i]; ++c)
+      comparison.captured.samples()[3 * i + c] = captured.samples()[3 * i + c];
+  }
+  return comparison;
+}
+
+}  // namespace
+
 Result<std::vector<TwoShotComparison>> compareShots(const TwoShotCapture& capture,
                                                     const std::vector<TwoShotMaterial>& found,
-                                                    const MaterialMap& materials, const JobContext& job,
-                                                    ErrorSums* fitted, ErrorSums* held,
+                                                    const MaterialMap& materials,
+                                                    const std::map<std::size_t, std::string>& leftOut,
+                                                    const JobContext& job, ErrorSums* fitted, ErrorSums* held,
                                                     const std::vector<bool>& wanted, std::int64_t done) {
   std::vector<std::shared_ptr<const TabulatedBrdf>> brdfs;
   for (const TwoShotMaterial& material : found) brdfs.push_back(material.brdf);
+  std::vector<std::size_t> order;
+  for (const int pass : {0, 1, 2}) {
+    for (std::size_t s = 0; s < capture.shots.size(); ++s) {
+      const int group = capture.shots[s].holdout ? 2 : leftOut.contains(s) ? 1 : 0;
+      if (group == pass && (wanted.empty() || wanted[s])) order.push_back(s);
+    }
+  }
   std::vector<TwoShotComparison> comparisons;
   const auto total = static_cast<std::int64_t>(capture.shots.size());
-  for (const bool holdout : {false, true}) {
-    for (std::size_t s = 0; s < capture.shots.size(); ++s) {
-      const TwoShotPhoto& shot = capture.shots[s];
-      if (shot.holdout != holdout || (!wanted.empty() && !wanted[s])) continue;
-      if (job.cancelled())
-        return Error{ErrorCode::Cancelled, "comparing the photographs was cancelled", "", ""};
-      Result<Image> photo = readPhoto(capture, shot);
-      if (!photo) return photo.error();
-      const SampleView view = viewOf(capture, shot.camera);
-      Result<IrradiancePicture> irradiance = irradianceOf(capture, shot, view, nullptr);
-      if (!irradiance) return irradiance.error();
+  for (const std::size_t s : order) {
+    const TwoShotPhoto& shot = capture.shots[s];
+    if (job.cancelled())
+      return Error{ErrorCode::Cancelled, "comparing the photographs was cancelled", "", ""};
+    Result<Image> photo = readPhoto(capture, shot);
+    if (!photo) return photo.error();
+    const SampleView view = viewOf(capture, shot.camera);
+    const auto reason = leftOut.find(s);
+    const bool unused = reason != leftOut.end();
+    Result<IrradiancePicture> irradiance = irradianceOf(capture, shot, view, nullptr);
+    if (!irradiance && !unused) return irradiance.error();
+    const auto lit = [&] {
+      const auto rates = irradiance->rate.samples();
+      return std::any_of(rates.begin(), rates.end(), [](float rate) { return rate > 0; });
+    };
+    if (unused && (!irradiance || !lit())) {
+      comparisons.push_back(withoutPrediction(shot, *photo, view));
+    } else {
       const PhotoNoise noise = estimateNoise({&*photo, &view.inside});
-      comparisons.push_back(predictPhoto(capture, s, *photo, noise, view, *irradiance, brdfs, materials,
-                                         holdout ? held : fitted));
-      job.progress("predict", ++done, total, "photos");
+      ErrorSums* sums = unused ? nullptr : shot.holdout ? held : fitted;
+      comparisons.push_back(
+          predictPhoto(capture, s, *photo, noise, view, *irradiance, brdfs, materials, sums));
     }
+    if (unused) comparisons.back().leftOut = reason->second;
+    job.progress("predict", ++done, total, "photos");
   }
   return comparisons;
 }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "engine/brdf/tabulated_brdf.h"
@@ -31,13 +33,13 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
                                const MaterialMap& materials, ErrorSums* sums);
 
 /// Reads photographs and their white photographs and predicts them: those for which `wanted` is true, all
-/// where it is empty; fitted ones first. `fitted` and `held` collect the sums. Progress: "predict", beginning
-/// at `done` of all shots. Errors: those of reading; Cancelled.
-Result<std::vector<TwoShotComparison>> compareShots(const TwoShotCapture& capture,
-                                                    const std::vector<TwoShotMaterial>& found,
-                                                    const MaterialMap& materials, const JobContext& job,
-                                                    ErrorSums* fitted, ErrorSums* held,
-                                                    const std::vector<bool>& wanted = {},
-                                                    std::int64_t done = 0);
+/// where it is empty; fitted ones first, then those of `leftOut` (shot, reason), then those held out.
+/// `fitted` and `held` collect the sums, to which what was left out adds nothing; where its light is unknown
+/// it has no prediction. Progress: "predict", beginning at `done` of all shots. Errors: those of reading;
+/// Cancelled.
+Result<std::vector<TwoShotComparison>> compareShots(
+    const TwoShotCapture& capture, const std::vector<TwoShotMaterial>& found, const MaterialMap& materials,
+    const std::map<std::size_t, std::string>& leftOut, const JobContext& job, ErrorSums* fitted,
+    ErrorSums* held, const std::vector<bool>& wanted = {}, std::int64_t done = 0);
 
 }  // namespace patina

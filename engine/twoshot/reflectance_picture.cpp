@@ -260,7 +260,8 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
   });
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
   std::optional<Error> unusable;
-  for (Read& read : reads) {
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    Read& read = reads[g];
     for (std::string& remark : read.remarks) loaded.remarks.push_back(std::move(remark));
     Result<ReflectancePicture>& picture = *read.picture;
     if (picture) {
@@ -269,6 +270,7 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
       // One photograph that can't be used doesn't spoil the others, but it is said.
       unusable = picture.error();
       loaded.remarks.push_back("Left out: " + unusable->sentence());
+      for (const std::size_t s : groups[g]) loaded.leftOut[s] = unusable->sentence();
     } else {
       return picture.error();
     }

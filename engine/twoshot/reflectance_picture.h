@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -60,9 +61,10 @@ struct LoadedShot {
 
 /// All photographs of a bundle that were asked for, and what is known of their light.
 struct LoadedCapture {
-  std::vector<LoadedShot> shots;             ///< as capture.shots; empty images where not asked for
-  std::vector<ReflectancePicture> pictures;  ///< of the fitted shots, merged
-  std::vector<std::string> remarks;          ///< sentences on whites of other cameras, clipping
+  std::vector<LoadedShot> shots;               ///< as capture.shots; empty images where not asked for
+  std::vector<ReflectancePicture> pictures;    ///< of the fitted shots, merged
+  std::vector<std::string> remarks;            ///< sentences on whites of other cameras, clipping
+  std::map<std::size_t, std::string> leftOut;  ///< shots that can't be used, and why, a sentence
 };
 
 /// Reads the fitted shots and their white photographs. A picture that has nothing to fit (black, clipped, its

@@ -139,12 +139,13 @@ std::vector<std::string> remarksOn(const TwoShotMaterial& material, const Basis&
   say(expected);
 
   if (residual > posterior.largestResidual) {
-    say("The basis doesn't follow this sample: it leaves " + logErrorInWords(residual) +
-        " of the photographs unexplained, more than it does with 95 of 100 of its own materials when they "
-        "are left "
-        "out (" +
+    say("The basis doesn't follow this sample: even in the directions that were photographed, the "
+        "reflectance "
+        "that it finds is off by " +
+        logErrorInWords(residual) +
+        " (RMS). Of its own materials, each left out in turn, 95 in 100 stay below " +
         logErrorInWords(posterior.largestResidual) +
-        "). Directions that were not photographed are then worth less than expected; a basis with materials "
+        ". Directions that were not photographed are then worth less than expected; a basis with materials "
         "like "
         "this one, or photographs of more directions, would help.");
   }

@@ -114,7 +114,7 @@ TEST_F(BasisOfEight, BelowTheSurfaceThereIsNoRow) {
 
 TEST_F(BasisOfEight, ReconstructionOfAColumnIsTheMaterial) {
   const Basis& basis = **basis_;
-  const auto brdf = basis.reconstruct(basis.columnCoefficients().middleCols(9, 3), {"again", "", "", ""});
+  const auto brdf = basis.reconstruct(basis.columnCoefficients().middleCols(9, 3), {"again", "", "", ""}, {});
   std::size_t looked = 0;
   for (std::size_t cell = 37; cell < MerlGrid::kCells; cell += 4001) {
     const HalfDiffAngles angles = MerlGrid::centre(cell);
@@ -159,7 +159,7 @@ TEST_F(BasisOfEight, PosteriorOfNothingMeasuredIsThePriorAndShrinksWhereMeasured
   const Basis& basis = **basis_;
   const auto k = basis.componentCount();
   const double scale = 1.0 / basis.columnCount();
-  const std::vector<float> prior = basis.posteriorSd(Eigen::MatrixXd(0, k), Eigen::MatrixXd(0, 0), scale);
+  const std::vector<float> prior = basis.posteriorSd(Eigen::MatrixXd(0, k), Eigen::MatrixXd(0, 0), scale, {});
   double sum = 0;
   std::size_t cells = 0;
   for (const float sd : prior) {
@@ -175,7 +175,7 @@ TEST_F(BasisOfEight, PosteriorOfNothingMeasuredIsThePriorAndShrinksWhereMeasured
   const Eigen::MatrixXd direction = rows.components.row(0).normalized();
   const double g = rows.components.row(0).squaredNorm(), eta = 1e-3;
   const std::vector<float> posterior =
-      basis.posteriorSd(direction, Eigen::MatrixXd::Constant(1, 1, g / (g + eta)), scale);
+      basis.posteriorSd(direction, Eigen::MatrixXd::Constant(1, 1, g / (g + eta)), scale, {});
   const std::size_t here = MerlGrid::cell(30, 40, 90);
   EXPECT_LT(posterior[here], 0.05 * prior[here]);
   for (std::size_t cell = 0; cell < posterior.size(); cell += 501)

@@ -39,10 +39,12 @@ class DirectBasis : public Basis {
   const Eigen::MatrixXd& gram(BasisRegion) const override { return gram_; }
   const Eigen::MatrixXd& gramRoot(BasisRegion) const override { return root_; }
   BasisRows rows(std::span<const HalfDiffAngles>, std::vector<int>*) const override { return {}; }
-  std::shared_ptr<const TabulatedBrdf> reconstruct(const Eigen::MatrixXd&, BrdfOrigin) const override {
+  std::shared_ptr<const TabulatedBrdf> reconstruct(const Eigen::MatrixXd&, BrdfOrigin,
+                                                   const std::stop_token&) const override {
     return nullptr;
   }
-  std::vector<float> posteriorSd(const Eigen::MatrixXd&, const Eigen::MatrixXd&, double) const override {
+  std::vector<float> posteriorSd(const Eigen::MatrixXd&, const Eigen::MatrixXd&, double,
+                                 const std::stop_token&) const override {
     return {};
   }
 

@@ -85,10 +85,12 @@ class SmoothBasis : public Basis {
     }
     return rows;
   }
-  std::shared_ptr<const TabulatedBrdf> reconstruct(const Eigen::MatrixXd&, BrdfOrigin) const override {
+  std::shared_ptr<const TabulatedBrdf> reconstruct(const Eigen::MatrixXd&, BrdfOrigin,
+                                                   const std::stop_token&) const override {
     return nullptr;
   }
-  std::vector<float> posteriorSd(const Eigen::MatrixXd&, const Eigen::MatrixXd&, double) const override {
+  std::vector<float> posteriorSd(const Eigen::MatrixXd&, const Eigen::MatrixXd&, double,
+                                 const std::stop_token&) const override {
     return {};
   }
 

@@ -58,7 +58,7 @@ TEST_F(WindowTest, ATwoShotBundleIsReconstructedSavedAndOpenedAgain) {
     window->saveFitTo(folder);
     ASSERT_TRUE(until([&] { return !window->saving(); }, 60000));
     ASSERT_FALSE(window->banner()->isVisible()) << window->banner()->text().toStdString();
-    for (const char* file : {"brdf.binary", "coefficients.json", "fit.json", "sphere.png"})
+    for (const char* file : {"brdf.binary", "coefficients.json", "fit.json", "sphere.png", "comparison.png"})
       EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(folder.toStdString()) / file)) << file;
   }
   auto window = makeWindow();
