@@ -494,7 +494,9 @@ void writeTwoShotBundles(TwoShotPage& page) {
       page.text << cell(error, reference == kBundles.end() ? 0 : reference->logRms);
       std::fprintf(stderr, " %.3f", error);
     } else {
-      page.text << fit->materials.size() << " materials";
+      const std::vector<double> errors = materialErrors(*fit, bundle);
+      page.text << fit->materials.size() << " materials: ";
+      for (std::size_t m = 0; m < errors.size(); ++m) page.text << (m ? ", " : "") << number(errors[m]);
     }
     page.text << " | ";
     std::size_t held = 0;

@@ -1,17 +1,21 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <numeric>
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "engine/brdf/brdf.h"
 #include "engine/brdf/brdf_file.h"
 #include "engine/brdf/neural_brdf.h"
+#include "engine/twoshot/fit.h"
 #include "engine/twoshot/mapping.h"
 #include "tests/test_data.h"
 
@@ -65,6 +69,29 @@ inline BrdfPtr trueMaterial(const std::filesystem::path& bundle, std::size_t ind
     return *brdf;
   }
   throw std::runtime_error("no file " + name);
+}
+
+/// `logRms` of each material of a bundle with several, in the order of its truth: every found material beside
+/// another true one, so that the errors' sum is smallest. Empty where their numbers differ.
+inline std::vector<double> materialErrors(const TwoShotFit& fit, const std::filesystem::path& bundle) {
+  std::ifstream in(bundle / "truth" / "truth.json");
+  const std::size_t count = nlohmann::json::parse(in).at("materials").size();
+  std::vector<double> best;
+  if (count != fit.materials.size()) return best;
+  std::vector<BrdfPtr> truths;
+  for (std::size_t t = 0; t < count; ++t) truths.push_back(trueMaterial(bundle, t));
+  std::vector<std::size_t> truthOf(count);
+  std::iota(truthOf.begin(), truthOf.end(), std::size_t{0});
+  const auto sum = [](const std::vector<double>& errors) {
+    return std::accumulate(errors.begin(), errors.end(), 0.0);
+  };
+  do {
+    std::vector<double> errors(count);
+    for (std::size_t m = 0; m < count; ++m)
+      errors[truthOf[m]] = logRms(*fit.materials[m].brdf, *truths[truthOf[m]]);
+    if (best.empty() || sum(errors) < sum(best)) best = errors;
+  } while (std::next_permutation(truthOf.begin(), truthOf.end()));
+  return best;
 }
 
 }  // namespace patina::test
