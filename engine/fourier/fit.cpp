@@ -6,8 +6,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <optional>
 
+#include "engine/base/cache_folder.h"
 #include "engine/fourier/fit_state.h"
 #include "engine/fourier/solve_sheet.h"
 
@@ -15,18 +17,6 @@ namespace patina {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-class SecondsOf {
- public:
-  SecondsOf(FourierFitStats& stats, std::string stage)
-      : stats_(stats), stage_(std::move(stage)), start_(Clock::now()) {}
-  ~SecondsOf() { stats_.seconds[stage_] += std::chrono::duration<double>(Clock::now() - start_).count(); }
-
- private:
-  FourierFitStats& stats_;
-  std::string stage_;
-  Clock::time_point start_;
-};
 
 std::size_t peakBytes() {
   rusage usage{};
@@ -98,7 +88,7 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   const MeasurementStorage measurementStorage{options.memoryLimitBytes, storage.scratchFolder};
   int siteSize = options.size;
   {
-    SecondsOf timer(state->stats, "read");
+    const StageClock timer(state->stats, "read");
     auto plan = planMeasurements(capture, job);
     if (!plan) return plan.error();
     auto sites = sitesWithinMemory(capture, options, *plan, job, state->stats, siteSize);
@@ -125,17 +115,14 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
     }
   }
   {
-    SecondsOf timer(state->stats, "geometry");
+    const StageClock timer(state->stats, "geometry");
     std::vector<Eigen::Vector2d> frequencies = {Eigen::Vector2d::Zero()};
     for (const auto& group : m.plan.fitted) frequencies.push_back(group.frequency.cast<double>());
     state->diffuse = std::make_unique<DiffuseTransform>(
         state->frame, Eigen::Vector2d(capture.sampleWidthMm, capture.sampleHeightMm), frequencies,
         state->diffuseMethod());
   }
-  {
-    SecondsOf timer(state->stats, "solve");
-    solveSheet(*state, job);
-  }
+  solveSheet(*state, job);  // stages "levels" and "solve"
   if (const auto failure = m.store.failure()) return *failure;
   if (const auto failure = state->finished.failure())
     job.warn("a fit that is stopped now starts over: " + failure->sentence());
@@ -147,14 +134,14 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
                  "photograph is lit"};
   }
   {
-    SecondsOf timer(state->stats, "maps");
+    const StageClock timer(state->stats, "maps");
     state->maps = mapsFromSites(*state, mapSize, job);
     for (const float value : state->maps.status.samples())
       ++state->stats.statusCounts[statusName(static_cast<TexelStatus>(static_cast<int>(value)))];
   }
   for (const bool holdout : {false, true}) {
     if (job.cancelled() || (holdout && m.plan.heldOut.empty())) continue;
-    SecondsOf timer(state->stats, holdout ? "holdout" : "predict");
+    const StageClock timer(state->stats, holdout ? "holdout" : "predict");
     const auto error = photoError(*state, holdout, job, measurementStorage);
     if (!error && error.error().code != ErrorCode::Cancelled) return error.error();
     if (!error) break;
@@ -186,6 +173,14 @@ void removeUnfinished(const std::filesystem::path& keepFolder) {
   std::error_code code;
   std::filesystem::remove(keepFolder / FinishedTiles::kFileName, code);
   std::filesystem::remove(keepFolder, code);  // only if nothing else lies in it
+}
+
+std::filesystem::path unfinishedInCache(const FourierCapture& capture) {
+  const std::filesystem::path cache = cacheFolder();
+  if (cache.empty()) return {};
+  std::error_code code;
+  const auto bundle = std::filesystem::weakly_canonical(capture.folder, code).string();
+  return cache / "unfinished" / std::to_string(std::hash<std::string>{}(bundle));
 }
 
 const char* statusName(TexelStatus status) {

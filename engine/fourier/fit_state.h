@@ -1,6 +1,8 @@
 #pragma once
 
+#include <chrono>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "engine/fourier/diffuse_transform.h"
@@ -22,6 +24,7 @@ struct FourierFitState {
   std::vector<SvbrdfParameters> sites;        ///< a solution for each site
   std::vector<TexelStatus> siteStatus;
   std::vector<float> siteResidual;
+  std::vector<SiteUncertainty> siteSd;
   FinishedTiles finished;  ///< solutions of an earlier, unfinished run of the same fit
   SvbrdfMaps maps;
   FourierFitStats stats;
@@ -59,6 +62,24 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
 
 /// Wraps a finished state; immutable from then on.
 std::shared_ptr<const FourierFit> makeFourierFit(std::unique_ptr<FourierFitState> state);
+
+/// Adds the time until its end to a stage of the statistics.
+class StageClock {
+ public:
+  StageClock(FourierFitStats& stats, std::string stage)
+      : stats_(stats), stage_(std::move(stage)), start_(std::chrono::steady_clock::now()) {}
+  StageClock(const StageClock&) = delete;
+  StageClock& operator=(const StageClock&) = delete;
+  ~StageClock() {
+    stats_.seconds[stage_] +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  FourierFitStats& stats_;
+  std::string stage_;
+  std::chrono::steady_clock::time_point start_;
+};
 
 /// A status in words ("mirror point off the screen"), as in fit.json.
 const char* statusName(TexelStatus status);

@@ -17,6 +17,7 @@ struct MapFile {
   Image SvbrdfMaps::*image;
   std::vector<std::string> channels;
   const char* meaning;
+  bool optional = false;
 };
 
 const std::vector<MapFile>& mapFiles() {
@@ -38,6 +39,27 @@ const std::vector<MapFile>& mapFiles() {
        {"Y"},
        "0 not measured, 1 converged, 2 iteration limit, 3 mirror point off the screen, 4 clipped, 5 failed, "
        "6 cancelled"},
+      {"diffuse_sd",
+       &SvbrdfMaps::diffuseSd,
+       {"R", "G", "B"},
+       "standard deviation of the diffuse albedo, from noise and priors",
+       true},
+      {"specular_sd",
+       &SvbrdfMaps::specularSd,
+       {"R", "G", "B"},
+       "standard deviation of the specular albedo, from noise and priors",
+       true},
+      {"normal_sd",
+       &SvbrdfMaps::normalSd,
+       {"Y"},
+       "standard deviation of the normal's direction, degrees, from noise and priors",
+       true},
+      {"sigma_sd", &SvbrdfMaps::sigmaSd, {"Y"}, "standard deviation of sigma, from noise and priors", true},
+      {"kurtosis_sd",
+       &SvbrdfMaps::kurtosisSd,
+       {"Y"},
+       "standard deviation of gamma, from noise and priors",
+       true},
   };
   return files;
 }
@@ -46,6 +68,7 @@ const std::vector<MapFile>& mapFiles() {
 
 Status writeMaps(const std::filesystem::path& folder, const SvbrdfMaps& maps) {
   for (const auto& file : mapFiles()) {
+    if (file.optional && (maps.*file.image).width() == 0) continue;
     const std::map<std::string, std::string> attributes = {
         {"patina:meaning", file.meaning},
         {"patina:rectangle_mm",
@@ -61,6 +84,8 @@ Result<SvbrdfMaps> readMaps(const std::filesystem::path& folder) {
   SvbrdfMaps maps;
   for (const auto& file : mapFiles()) {
     const auto path = folder / (std::string(file.name) + ".exr");
+    std::error_code missing;
+    if (file.optional && !std::filesystem::exists(path, missing)) continue;
     auto image = readExr(path, file.channels);
     if (!image) return image.error();
     if (maps.width == 0) maps.width = image->width(), maps.height = image->height();
@@ -107,8 +132,11 @@ SvbrdfMaps mapsFromSites(const FourierFitState& state, int size, const JobContex
   maps.diffuse = Image(maps.width, maps.height, 3);
   maps.specular = Image(maps.width, maps.height, 3);
   maps.normal = Image(maps.width, maps.height, 3);
-  for (Image* map : {&maps.sigma, &maps.kurtosis, &maps.residual, &maps.status})
+  for (Image* map : {&maps.sigma, &maps.kurtosis, &maps.residual, &maps.status, &maps.sigmaSd,
+                     &maps.kurtosisSd, &maps.normalSd})
     *map = Image(maps.width, maps.height, 1);
+  maps.diffuseSd = Image(maps.width, maps.height, 3);
+  maps.specularSd = Image(maps.width, maps.height, 3);
 
   const SiteSet& set = state.measurements.sites;
   auto siteAt = [&](long x, long y) -> std::int64_t {
@@ -152,6 +180,8 @@ SvbrdfMaps mapsFromSites(const FourierFitState& state, int size, const JobContex
       Eigen::Array3d diffuse = Eigen::Array3d::Zero(), specular = Eigen::Array3d::Zero();
       Eigen::Vector3d normal = Eigen::Vector3d::Zero();
       double logSigma = 0, logKurtosis = 0, residual = 0;
+      // Neighbours' errors are taken for dependent: pooling makes them so. Their mean is the cautious answer.
+      SiteUncertainty sd;
       for (int k = 0; k < 4; ++k) {
         if (site[k] < 0 || (k != nearest && state.siteStatus[site[k]] != status)) continue;
         const SvbrdfParameters& p = state.sites[site[k]];
@@ -163,13 +193,26 @@ SvbrdfMaps mapsFromSites(const FourierFitState& state, int size, const JobContex
         logSigma += w * std::log(p.sigma);
         logKurtosis += w * std::log(p.kurtosis);
         residual += w * state.siteResidual[site[k]];
+        const SiteUncertainty& one = state.siteSd[site[k]];
+        const auto share = static_cast<float>(w);
+        sd.diffuse += share * one.diffuse;
+        sd.specular += share * one.specular;
+        sd.normal += share * one.normal;
+        sd.sigma += share * one.sigma;
+        sd.kurtosis += share * one.kurtosis;
       }
       normal.normalize();
       for (int c = 0; c < 3; ++c) {
         maps.diffuse.at(i, j, c) = static_cast<float>(diffuse[c] / total);
         maps.specular.at(i, j, c) = static_cast<float>(specular[c] / total);
         maps.normal.at(i, j, c) = static_cast<float>(normal[c]);
+        maps.diffuseSd.at(i, j, c) = sd.diffuse[c] / static_cast<float>(total);
+        maps.specularSd.at(i, j, c) = sd.specular[c] / static_cast<float>(total);
       }
+      constexpr float kDegrees = 57.29578f;
+      maps.normalSd.at(i, j) = kDegrees * std::sqrt(sd.normal.square().sum()) / static_cast<float>(total);
+      maps.sigmaSd.at(i, j) = sd.sigma / static_cast<float>(total);
+      maps.kurtosisSd.at(i, j) = sd.kurtosis / static_cast<float>(total);
       maps.sigma.at(i, j) = static_cast<float>(std::exp(logSigma / total));
       maps.kurtosis.at(i, j) = static_cast<float>(std::exp(logKurtosis / total));
       maps.residual.at(i, j) = static_cast<float>(residual / total);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 
@@ -16,7 +17,15 @@ enum class TexelStatus : std::uint8_t {
   MirrorOffScreen = 3,  ///< the mirror point leaves the lit area: gloss, width and kurtosis are not measured
   Clipped = 4,          ///< too many photographs saturate here
   Failed = 5,           ///< no finite solution
-  Cancelled = 6,        ///< stopped before its turn: albedos are zero, the lobe is the first start
+  Cancelled = 6,        ///< stopped before its turn: the coarse solution where there is one
+};
+
+/// Standard deviations of a point's parameters from the measurements' noise and the priors alone: what the
+/// model lacks is not in them. 0 where nothing was solved.
+struct SiteUncertainty {
+  Eigen::Array3f diffuse = Eigen::Array3f::Zero(), specular = Eigen::Array3f::Zero();
+  Eigen::Array2f normal = Eigen::Array2f::Zero();  ///< of the normal's slopes in x and y
+  float sigma = 0, kurtosis = 0;
 };
 
 /// A fitted sheet: maps over the sample rectangle, row 0 at +y, column 0 at -x, texel (i, j) centred on
@@ -31,12 +40,16 @@ struct SvbrdfMaps {
   Image kurtosis;  ///< the paper's gamma, >= 1
   Image residual;  ///< relative RMS of (model - measurement) over the fitted frequencies and channels
   Image status;    ///< TexelStatus as a float
+  // Standard deviations, SiteUncertainty's; empty in maps that an earlier version wrote.
+  Image diffuseSd, specularSd;  ///< R G B
+  Image normalSd;               ///< degrees: both slopes together
+  Image sigmaSd, kurtosisSd;
 };
 
 /// Writes folder/{diffuse,specular,normal,sigma,kurtosis,residual,status}.exr as the command-line contract
-/// says.
+/// says, and {diffuse,specular,normal,sigma,kurtosis}_sd.exr.
 Status writeMaps(const std::filesystem::path& folder, const SvbrdfMaps& maps);
-/// Reads what `writeMaps` wrote.
+/// Reads what `writeMaps` wrote; standard deviations may be missing.
 Result<SvbrdfMaps> readMaps(const std::filesystem::path& folder);
 
 }  // namespace patina

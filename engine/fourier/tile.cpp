@@ -1,7 +1,10 @@
 #include "engine/fourier/tile.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "engine/fourier/pooling.h"
 
 namespace patina {
 namespace {
@@ -10,59 +13,137 @@ constexpr double kParameters = 10;  // of a texel: four of the lobe, six albedos
 
 /// Neighbours and their weights, the site itself first with weight one.
 struct Pool {
-  std::vector<std::size_t> site;
-  std::vector<double> weight;
+  std::array<std::size_t, 9> site;
+  std::array<double, 9> weight;
+  int count = 0;
+  void add(std::size_t s, double w) {
+    site[static_cast<std::size_t>(count)] = s;
+    weight[static_cast<std::size_t>(count++)] = w;
+  }
 };
 
+/// Squared distance of two sites' measurements in units of the difference's variance, and how many were
+/// compared.
+struct Distance {
+  double q = 0, count = 0;
+};
+
+Distance distanceBetween(const FourierMeasurements& m, const SiteBlock& block, std::size_t s, std::size_t n) {
+  const std::size_t stride = static_cast<std::size_t>(m.frequencyCount()) * 6;
+  const float *z = block.z(s), *zn = block.z(n);
+  float sums[3];
+  squaredGaps(z, zn, stride, sums);
+  Distance distance{0, 3.0 * (2 * m.frequencyCount() + 1)};
+  double channel[3] = {sums[0], sums[1], sums[2]};
+  const auto drop = [&](std::span<const std::uint16_t> rows, std::span<const std::uint16_t> already) {
+    for (const auto row : rows) {
+      if (std::find(already.begin(), already.end(), row) != already.end()) continue;
+      const std::size_t at = static_cast<std::size_t>(row) * 3;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float gap = z[at + c] - zn[at + c];
+        channel[c] = std::max(0.0, channel[c] - static_cast<double>(gap) * gap);
+      }
+      distance.count -= 3;
+    }
+  };
+  const auto here = m.droppedRows(s), there = m.droppedRows(n);
+  if (!here.empty() || !there.empty()) drop(here, {}), drop(there, here);
+  for (int c = 0; c < 3; ++c) {
+    const double dc = m.dc[s * 3 + static_cast<std::size_t>(c)] - m.dc[n * 3 + static_cast<std::size_t>(c)];
+    distance.q += channel[c] / (m.variance(s, c) + m.variance(n, c)) +
+                  dc * dc / (m.dcVariance(s, c) + m.dcVariance(n, c));
+  }
+  return distance;
+}
+
 Pool poolOf(const FourierMeasurements& m, const SiteBlock& block, std::size_t s) {
-  Pool pool{{s}, {1.0}};
+  Pool pool;
+  pool.add(s, 1.0);
   const SiteSet& set = m.sites;
   if (set.grouped()) return pool;
-  const int frequencies = m.frequencyCount();
   const int x = static_cast<int>(set.pixel[s].x()), y = static_cast<int>(set.pixel[s].y());
-  const double count = 3.0 * (2 * frequencies + 1), spread = std::sqrt(2 * count);
-  const float* z = block.z(s);
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
       if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= set.imageWidth ||
           y + dy >= set.imageHeight)
         continue;
-      const auto other = set.siteOfPixel[static_cast<std::size_t>(y + dy) * set.imageWidth + x + dx];
+      const auto other =
+          set.siteOfPixel[static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(set.imageWidth) +
+                          static_cast<std::size_t>(x + dx)];
       if (other < 0) continue;
       const auto n = static_cast<std::size_t>(other);
-      const float* zn = block.z(n);
-      double q = 0;
-      for (int c = 0; c < 3; ++c) {
-        double sum = 0;
-        for (int f = 0; f < frequencies; ++f) {
-          const double re = z[f * 6 + c] - zn[f * 6 + c], im = z[f * 6 + 3 + c] - zn[f * 6 + 3 + c];
-          sum += re * re + im * im;
-        }
-        const double dc = m.dc[s * 3 + c] - m.dc[n * 3 + c];
-        q +=
-            sum / (m.variance(s, c) + m.variance(n, c)) + dc * dc / (m.dcVariance(s, c) + m.dcVariance(n, c));
-      }
-      const double excess = std::max(0.0, q - count - spread);
+      const Distance distance = distanceBetween(m, block, s, n);
+      const double excess = std::max(0.0, distance.q - distance.count - std::sqrt(2 * distance.count));
       const double weight = 1 / (1 + 2 * excess / kParameters);
       constexpr double kNegligible = 0.02;
-      if (weight < kNegligible) continue;
-      pool.site.push_back(n);
-      pool.weight.push_back(weight);
+      if (weight >= kNegligible) pool.add(n, weight);
     }
   }
   return pool;
 }
 
+/// Components that no site of the pool has.
+std::vector<std::uint16_t> missingRows(const FourierMeasurements& m, const Pool& pool) {
+  std::vector<std::uint16_t> missing;
+  for (const auto row : m.droppedRows(pool.site[0])) {
+    bool anywhere = false;
+    for (int k = 1; k < pool.count; ++k) {
+      const auto dropped = m.droppedRows(pool.site[static_cast<std::size_t>(k)]);
+      anywhere |= !std::binary_search(dropped.begin(), dropped.end(), row);
+    }
+    if (!anywhere) missing.push_back(row);
+  }
+  return missing;
+}
+
+/// Rows that some site of the pool lacks get the mean over those that have them.
+void mendRows(const FourierMeasurements& m, const SiteBlock& block, const Pool& pool, float* z) {
+  for (int k = 0; k < pool.count; ++k) {
+    for (const auto row : m.droppedRows(pool.site[static_cast<std::size_t>(k)])) {
+      double total = 0, sum[3] = {0, 0, 0};
+      for (int i = 0; i < pool.count; ++i) {
+        const std::size_t n = pool.site[static_cast<std::size_t>(i)];
+        const auto dropped = m.droppedRows(n);
+        if (std::binary_search(dropped.begin(), dropped.end(), row)) continue;
+        const double w = pool.weight[static_cast<std::size_t>(i)];
+        total += w;
+        for (std::size_t c = 0; c < 3; ++c) sum[c] += w * block.z(n)[static_cast<std::size_t>(row) * 3 + c];
+      }
+      for (std::size_t c = 0; c < 3; ++c)
+        z[static_cast<std::size_t>(row) * 3 + c] = total > 0 ? static_cast<float>(sum[c] / total) : 0.0f;
+    }
+  }
+}
+
 }  // namespace
+
+SiteData Tile::describe(const FourierFitState& state, std::size_t site, const Eigen::Vector2d& point,
+                        double varianceShare, const float* z, const float* dc, float* diffuse) const {
+  SiteData out;
+  out.geometry = siteGeometry(state.frame, {point.x(), point.y(), 0}, state.capture.camera.positionMm());
+  state.diffuse->at(point, diffuse);
+  out.diffuse = diffuse;
+  out.z = z;
+  out.dc = dc;
+  const FourierFitState::Weights weights = state.weights(site);
+  const double share = state.options.weights == MeasurementWeights::Noise ? varianceShare : 1;
+  for (int c = 0; c < 3; ++c) {
+    out.weight[c] = static_cast<float>(weights.ac[c] / share);
+    out.dcWeight[c] = static_cast<float>(weights.dc[c] / share);
+  }
+  return out;
+}
 
 Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, bool poolNeighbours) {
   const FourierMeasurements& m = state.measurements;
-  const int frequencies = m.frequencyCount();
-  const std::size_t stride = static_cast<std::size_t>(frequencies + 1) * 6,
-                    zStride = static_cast<std::size_t>(frequencies) * 6;
+  const auto frequencies = static_cast<std::size_t>(m.frequencyCount());
+  const std::size_t stride = (frequencies + 1) * 6, zStride = frequencies * 6;
   diffuse_.resize(sites.size() * stride);
-  z_.resize(sites.size() * zStride);
-  dc_.resize(sites.size() * 3);
+  ownDiffuse_.resize(poolNeighbours ? sites.size() * stride : 0);
+  z_.assign(poolNeighbours ? sites.size() * zStride : 0, 0.0f);
+  ownZ_.resize(sites.size() * zStride);
+  dc_.assign(sites.size() * 3, 0.0f);
+  pooledDropped_.resize(sites.size());
   // One block holds the sites that follow, as far as they lie close together, and their neighbours.
   constexpr std::size_t kFarApart = 4096;
   SiteBlock block;
@@ -75,34 +156,41 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
         last = std::max<std::size_t>(last, sites[k]);
       block = m.store.block(sitesAround(m.sites, {s, last + 1 - s}), MeasurementStore::kZ);
     }
-    const Pool pool = poolNeighbours ? poolOf(m, block, s) : Pool{{s}, {1.0}};
+    float* ownZ = ownZ_.data() + i * zStride;
+    std::copy_n(block.z(s), zStride, ownZ);
+    const Eigen::Vector2d here = m.sites.pointMm[s].cast<double>();
+    const Pool pool = poolNeighbours ? poolOf(m, block, s) : Pool{{s}, {1.0}, 1};
+    if (pool.count == 1) {
+      data.push_back(describe(state, s, here, 1, ownZ, m.dc.data() + s * 3, diffuse_.data() + i * stride));
+      data.back().dropped = m.droppedRows(s);
+      own.push_back(data.back());
+      continue;
+    }
     double total = 0, square = 0;
-    for (const double w : pool.weight) total += w, square += w * w;
+    for (int k = 0; k < pool.count; ++k) {
+      const double w = pool.weight[static_cast<std::size_t>(k)];
+      total += w, square += w * w;
+    }
     Eigen::Vector2d point = Eigen::Vector2d::Zero();
     float* z = z_.data() + i * zStride;
     float* dc = dc_.data() + i * 3;
-    for (std::size_t k = 0; k < pool.site.size(); ++k) {
-      const std::size_t n = pool.site[k];
-      const auto w = static_cast<float>(pool.weight[k] / total);
+    bool spoilt = false;
+    for (int k = 0; k < pool.count; ++k) {
+      const std::size_t n = pool.site[static_cast<std::size_t>(k)];
+      const double w = pool.weight[static_cast<std::size_t>(k)] / total;
       point += w * m.sites.pointMm[n].cast<double>();
-      const float* from = block.z(n);
-      for (std::size_t j = 0; j < zStride; ++j) z[j] += w * from[j];
-      for (int c = 0; c < 3; ++c) dc[c] += w * m.dc[n * 3 + c];
+      addScaled(static_cast<float>(w), block.z(n), zStride, z);
+      for (std::size_t c = 0; c < 3; ++c) dc[c] += static_cast<float>(w) * m.dc[n * 3 + c];
+      spoilt |= !m.droppedRows(n).empty();
     }
-    const double varianceShare = square / (total * total);
-    SiteData site;
-    site.geometry = siteGeometry(state.frame, {point.x(), point.y(), 0}, state.capture.camera.positionMm());
-    state.diffuse->at(point, diffuse_.data() + i * stride);
-    site.diffuse = diffuse_.data() + i * stride;
-    site.z = z;
-    site.dc = dc;
-    const FourierFitState::Weights weights = state.weights(s);
-    const bool byNoise = state.options.weights == MeasurementWeights::Noise;
-    for (int c = 0; c < 3; ++c) {
-      site.weight[c] = static_cast<float>(weights.ac[c] / (byNoise ? varianceShare : 1));
-      site.dcWeight[c] = static_cast<float>(weights.dc[c] / (byNoise ? varianceShare : 1));
+    data.push_back(describe(state, s, point, square / (total * total), z, dc, diffuse_.data() + i * stride));
+    if (spoilt) {
+      mendRows(m, block, pool, z);
+      pooledDropped_[i] = missingRows(m, pool);
+      data.back().dropped = pooledDropped_[i];
     }
-    data.push_back(site);
+    own.push_back(describe(state, s, here, 1, ownZ, m.dc.data() + s * 3, ownDiffuse_.data() + i * stride));
+    own.back().dropped = m.droppedRows(s);
   }
 }
 

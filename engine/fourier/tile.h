@@ -17,15 +17,22 @@ namespace patina {
 /// difference; it lies in the ten directions of the texel's parameters, so a neighbour's weight is 1 / (1 + 2
 /// (q - N - sqrt(2 N)) / 10): one over its variance, bias included, for any of them. Glossy or textured
 /// surfaces keep their pixels to themselves; broad lobes, where one pixel's noise is larger than any detail,
-/// gain up to a factor of three.
+/// gain up to a factor of three. Components that a saturated photograph spoilt, at the site or at a
+/// neighbour, are left out of the comparison and of the mean.
 class Tile {
  public:
   Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, bool poolNeighbours);
 
-  std::vector<SiteData> data;
+  std::vector<SiteData> data;  ///< pooled
+  std::vector<SiteData> own;   ///< each site's own measurements: for albedos, which vary from pixel to pixel
 
  private:
-  std::vector<float> diffuse_, z_, dc_;
+  /// A site's input, its arrays at the given places.
+  SiteData describe(const FourierFitState& state, std::size_t site, const Eigen::Vector2d& point,
+                    double varianceShare, const float* z, const float* dc, float* diffuse) const;
+
+  std::vector<float> diffuse_, ownDiffuse_, z_, ownZ_, dc_;
+  std::vector<std::vector<std::uint16_t>> pooledDropped_;
 };
 
 }  // namespace patina
