@@ -83,6 +83,11 @@ void printStats(const FourierFitStats& stats, Context& context) {
   }
   console.say(format("Noise variance           %.3g * radiance + %.3g^2", stats.noiseShot, stats.noiseRead));
   console.say(format("Clipped samples          %8zu", stats.clippedSamples));
+  console.say(format("  measurements left out  %8zu", stats.droppedRows));
+  console.say(format("  points with too few    %8zu", stats.clippedSites));
+  if (stats.resumedTexels > 0) console.say(format("Texels taken over        %8zu", stats.resumedTexels));
+  console.say(std::string("Measurements were in     ") +
+              (stats.measurementsOnDisk ? "a scratch file" : "memory"));
   console.say(
       format("Peak memory, MiB         %8.0f", static_cast<double>(stats.peakBytes) / (1024.0 * 1024.0)));
 }

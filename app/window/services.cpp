@@ -13,7 +13,12 @@ Services Services::engine() {
     return patina::readPhoto(capture, photo);
   };
   services.fit = [](const FourierCapture& capture, const FourierFitOptions& options, const JobContext& job) {
-    return fitFourier(capture, options, job);
+    // A fit that was stopped, or died with the program, goes on where it was.
+    FourierFitStorage storage;
+    storage.keepFolder = unfinishedInCache(capture);
+    auto fit = fitFourier(capture, options, job, storage);
+    if (fit && !(*fit)->stats().cancelled) removeUnfinished(storage.keepFolder);
+    return fit;
   };
   services.writeFit = [](const std::filesystem::path& folder, const FourierFit& fit) {
     return writeFourierFit(folder, fit);

@@ -99,6 +99,9 @@ struct FourierFitStorage {
 };
 /// Removes what a fit kept; nothing else that may lie in the folder.
 void removeUnfinished(const std::filesystem::path& keepFolder);
+/// A keep folder for fits that have no result folder yet: in the user's cache, one for each bundle. Empty
+/// where there is no cache.
+std::filesystem::path unfinishedInCache(const FourierCapture& capture);
 
 /// Fits per-texel SVBRDF parameters to a capture of kind `fourier`.
 /// Source: frequency-domain paper, equations 6 to 12, appendices B to E; departures in docs/fourier_fit.md.

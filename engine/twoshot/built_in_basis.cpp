@@ -1,8 +1,8 @@
 #include <unistd.h>
 
-#include <cstdlib>
 #include <mutex>
 
+#include "engine/base/cache_folder.h"
 #include "engine/brdf/neural_brdf.h"
 #include "engine/twoshot/basis.h"
 #include "engine/twoshot/basis_format.h"
@@ -15,17 +15,6 @@ namespace fs = std::filesystem;
 
 /// Raised whenever what is made from the same weights changes (grid, mapping, file layout).
 constexpr int kRecipe = 1;
-
-fs::path cacheFolder() {
-  const auto fromEnvironment = [](const char* name) -> fs::path {
-    const char* value = std::getenv(name);
-    return value && *value ? fs::path(value) : fs::path();
-  };
-  if (fs::path folder = fromEnvironment("PATINA_CACHE"); !folder.empty()) return folder;
-  if (fs::path folder = fromEnvironment("XDG_CACHE_HOME"); !folder.empty()) return folder / "patina";
-  if (fs::path folder = fromEnvironment("HOME"); !folder.empty()) return folder / ".cache" / "patina";
-  return {};
-}
 
 /// The cached file's name: another set of weights or another recipe is another file.
 std::string cacheName() {

@@ -28,7 +28,7 @@ struct Sheet {
 
   explicit Sheet(int count, LobeMapping lobe) {
     for (const int k : {1, 2, 3, 4, 6, 10, 20, 40})
-      for (const Eigen::Vector2i axis : {Eigen::Vector2i(1, 0), {0, 1}, {1, 1}, {1, -1}})
+      for (const Eigen::Vector2i& axis : {Eigen::Vector2i(1, 0), {0, 1}, {1, 1}, {1, -1}})
         groups.push_back({k * axis, {}});
     std::mt19937 random(7);
     std::uniform_real_distribution<float> unit(0, 1);
