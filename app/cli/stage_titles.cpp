@@ -13,7 +13,6 @@ std::string stageTitle(std::string_view stage) {
       {"measure", "Measuring the BRDF"},
       {"solve", "Fitting"},
       {"rescue", "Retrying stuck texels"},
-      {"albedos", "Settling the albedos"},
       {"upsample", "Refining the coarse solution"},
       {"maps", "Making the maps"},
       {"posterior", "Working out how far to trust it"},

@@ -18,15 +18,16 @@ struct Stage {
 };
 
 // In the order in which a fit passes through them.
-constexpr std::array<Stage, 8> kFourierStages{{
-    {"read", "Reading photographs", 0.09, "read"},
+constexpr std::array<Stage, 9> kFourierStages{{
+    {"read", "Reading photographs", 0.15, "read"},
     {"geometry", "Preparing geometry", 0.02, "geometry"},
-    {"solve", "Fitting texels", 0.65, "solve"},
+    {"levels", "Fitting coarse levels", 0.25, "levels"},
+    {"upsample", "Refining the coarse solution", 0.05, "levels"},
+    {"solve", "Fitting texels", 0.25, "solve"},
     {"rescue", "Trying neighbours' solutions", 0.05, "solve"},
-    {"albedos", "Refining albedos", 0.02, "solve"},
-    {"maps", "Making maps", 0.02, "maps"},
+    {"maps", "Making maps", 0.03, "maps"},
     {"predict", "Predicting the photographs", 0.12, "predict"},
-    {"holdout", "Predicting held-out photographs", 0.03, "holdout"},
+    {"holdout", "Predicting held-out photographs", 0.08, "holdout"},
 }};
 
 constexpr std::array<Stage, 4> kTwoShotStages{{

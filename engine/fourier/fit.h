@@ -107,8 +107,8 @@ std::filesystem::path unfinishedInCache(const FourierCapture& capture);
 /// Source: frequency-domain paper, equations 6 to 12, appendices B to E; departures in docs/fourier_fit.md.
 /// Reads every photograph once; those marked holdout only for the error of prediction. Memory stays below
 /// `options.memoryLimitBytes`: measurements go to a scratch file, and where that isn't enough pixels are
-/// grouped to coarser sites, with a warning. Progress stages: "read", "solve", "rescue" (neighbours' offers),
-/// "albedos", "maps", "predict", "holdout". Cancelled: the fit so far is returned with stats().cancelled set,
+/// grouped to coarser sites, with a warning. Progress stages: "read", "levels", "upsample", "solve", "rescue"
+/// (other starts, neighbours' offers), "maps", "predict", "holdout". Cancelled: the fit so far is returned with stats().cancelled set,
 /// unless nothing was fitted yet (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the
 /// patterns can't determine the model. Threads: all cores, or job.threads.
 Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,

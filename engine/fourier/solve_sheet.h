@@ -11,9 +11,9 @@ struct FourierFitState;
 /// docs/fourier_fit.md), limits.
 SolverSetup solverSetup(const FourierFitState& state);
 
-/// Solves every site of `state.measurements` and fills `sites`, `siteStatus`, `siteResidual` and the counts in
-/// `stats`. Progress stages: "solve", "rescue", "albedos". Cancelled: what was solved so far is kept, the rest
-/// marked.
+/// Solves every site of `state.measurements` and fills `sites`, `siteStatus`, `siteResidual` and the counts
+/// in `stats`. Progress stages: "levels", "upsample", "solve", "rescue". Cancelled: what was solved so far is
+/// kept, the rest marked.
 void solveSheet(FourierFitState& state, const JobContext& job);
 
 }  // namespace patina

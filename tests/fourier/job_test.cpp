@@ -102,8 +102,23 @@ TEST_P(StopAt, StopsSoonAndKeepsWhatItHas) {
   EXPECT_LT(stats.holdoutRms, 0);  // the error of prediction was not computed to its end
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryStage, StopAt,
-                         testing::Values("solve", "rescue", "albedos", "maps", "predict", "holdout"),
+INSTANTIATE_TEST_SUITE_P(EveryStage, StopAt, testing::Values("solve", "rescue", "maps", "predict", "holdout"),
+                         [](const auto& info) { return std::string(info.param); });
+
+class StopBefore : public FitJob, public testing::WithParamInterface<const char*> {};
+
+TEST_P(StopBefore, AnyTexelIsDoneThereIsNothingToKeep) {
+  Recorder recorder(GetParam());
+  JobContext job;
+  job.progressSink = &recorder;
+  job.stop = recorder.source.get_token();
+  const auto fit = fitFourier(capture(), {}, job);
+  EXPECT_LT(Clock::now() - recorder.stoppedAt, kStopWithin);
+  ASSERT_FALSE(fit.ok());
+  EXPECT_EQ(fit.error().code, ErrorCode::Cancelled);
+}
+
+INSTANTIATE_TEST_SUITE_P(EarlyStages, StopBefore, testing::Values("read", "levels", "upsample"),
                          [](const auto& info) { return std::string(info.param); });
 
 TEST_F(FitJob, ABundleWithBytesThatAreNotUtf8CanBeSaved) {
