@@ -7,10 +7,15 @@
 #include <QFormLayout>
 #include <QPushButton>
 #include <QSpinBox>
+#include <cmath>
 
 #include "widgets/theme.h"
 
 namespace patina {
+
+namespace {
+constexpr double kGibibyte = 1024.0 * 1024 * 1024;
+}
 
 FitOptionsDialog::FitOptionsDialog(const FourierFitOptions& options, QWidget* parent) : QDialog(parent) {
   setWindowTitle(tr("Fit Options"));
@@ -43,6 +48,16 @@ FitOptionsDialog::FitOptionsDialog(const FourierFitOptions& options, QWidget* pa
   pool_ = new QCheckBox(tr("Pool neighbours that noise can't tell apart"), this);
   pool_->setObjectName(QStringLiteral("optionPool"));
 
+  schedule_ = new QComboBox(this);
+  schedule_->setObjectName(QStringLiteral("optionSchedule"));
+  schedule_->addItem(tr("Every texel at full resolution"), static_cast<int>(FitSchedule::Independent));
+  schedule_->addItem(tr("Paper's, half resolution"), static_cast<int>(FitSchedule::Paper));
+  memory_ = new QDoubleSpinBox(this);
+  memory_->setObjectName(QStringLiteral("optionMemory"));
+  memory_->setRange(0.25, 1024);
+  memory_->setDecimals(2);
+  memory_->setSuffix(tr(" GiB"));
+
   auto* form = new QFormLayout;
   form->setHorizontalSpacing(16);
   form->setVerticalSpacing(4);
@@ -62,6 +77,11 @@ FitOptionsDialog::FitOptionsDialog(const FourierFitOptions& options, QWidget* pa
       tr("Exact moments halve the errors of satin samples; the paper's map is for comparison."));
   row(tr("Weights"), weights_,
       tr("Noise weights halve the errors of parameters at equal cost; the constant is for comparison."));
+  row(tr("Schedule"), schedule_,
+      tr("Coarse levels first in both. The paper then stops at half the resolution and upsamples; for "
+         "comparison."));
+  row(tr("Memory at most"), memory_,
+      tr("Measurements beyond it wait on disk; maps that would not fit are made coarser, with a warning."));
   row(tr("Iterations at most"), iterations_,
       tr("For each texel and start. More: slower, fewer texels stopped early."));
   row(tr("Tolerance"), toleranceExponent_,
@@ -103,6 +123,8 @@ FourierFitOptions FitOptionsDialog::options() const {
                           : std::pow(10.0, toleranceExponent_->value());
   options.neighbourRestarts = restarts_->isChecked();
   options.poolNeighbours = pool_->isChecked();
+  options.schedule = static_cast<FitSchedule>(schedule_->currentData().toInt());
+  options.memoryLimitBytes = static_cast<std::uint64_t>(std::llround(memory_->value() * kGibibyte));
   return options;
 }
 
@@ -116,6 +138,8 @@ void FitOptionsDialog::setOptions(const FourierFitOptions& options) {
   givenExponent_ = toleranceExponent_->value();
   restarts_->setChecked(options.neighbourRestarts);
   pool_->setChecked(options.poolNeighbours);
+  schedule_->setCurrentIndex(schedule_->findData(static_cast<int>(options.schedule)));
+  memory_->setValue(static_cast<double>(options.memoryLimitBytes) / kGibibyte);
   check();
 }
 

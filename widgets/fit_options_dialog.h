@@ -26,7 +26,8 @@ class FitOptionsDialog : public QDialog {
  private:
   void check();
   QSpinBox *size_, *iterations_;
-  QComboBox *lobe_, *weights_;
+  QComboBox *lobe_, *weights_, *schedule_;
+  QDoubleSpinBox* memory_;
   QDoubleSpinBox* toleranceExponent_;
   QCheckBox *restarts_, *pool_;
   /// The tolerance that was given, and what the form shows of it: kept exactly unless somebody changes it.

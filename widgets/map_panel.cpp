@@ -59,6 +59,7 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
   tabs_->setUsesScrollButtons(true);
   tabs_->setAccessibleName(tr("Photographs and maps"));
   for (const auto& kind : viewKinds()) {
+    if (isUncertainty(kind.kind)) continue;
     const int index = tabs_->addTab(QString::fromUtf8(kind.title));
     tabs_->setTabToolTip(index, tr("%1 (Ctrl+%2)").arg(QString::fromUtf8(kind.meaning)).arg(index + 1));
   }
@@ -108,6 +109,14 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
   zoomActual_ =
       button(QStringLiteral("zoom-actual"), tr("One screen pixel for one pixel of the picture (1)"), this);
 
+  uncertainty_ = new QToolButton(this);
+  uncertainty_->setObjectName(QStringLiteral("uncertainty"));
+  uncertainty_->setText(QStringLiteral("\u00b1"));
+  uncertainty_->setCheckable(true);
+  uncertainty_->setAutoRaise(true);
+  uncertainty_->setFocusPolicy(Qt::StrongFocus);
+  uncertainty_->setAccessibleName(tr("Show standard deviations"));
+
   auto* tools = new QHBoxLayout;
   tools->setContentsMargins(10, 2, 8, 2);
   tools->setSpacing(6);
@@ -142,6 +151,7 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
   auto* tabRow = new QHBoxLayout;
   tabRow->setContentsMargins(6, 0, 6, 0);
   tabRow->addWidget(tabs_, 1);
+  tabRow->addWidget(uncertainty_);
   column->addLayout(tabRow);
   auto* captionRow = new QHBoxLayout;
   captionRow->setContentsMargins(12, 0, 8, 0);
@@ -153,6 +163,7 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
 
   connect(tabs_, &QTabBar::currentChanged, this,
           [this](int index) { setKind(static_cast<ViewKind>(index)); });
+  connect(uncertainty_, &QToolButton::toggled, this, &MapPanel::showUncertainty);
   connect(exposureSlider_, &QSlider::valueChanged, this, [this](int tenths) {
     if (updating_) return;
     ToneSettings tone = document_->tone(kind_);
@@ -228,12 +239,35 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
   refreshPicture();
 }
 
+void MapPanel::showUncertainty(bool shown) {
+  if (shown == uncertaintyShown_) return;
+  uncertaintyShown_ = shown;
+  {
+    const QSignalBlocker block(uncertainty_);
+    uncertainty_->setChecked(shown);
+  }
+  setKind(parameterOf(kind_));
+  refreshPicture();  // the button's tip, where the kind has no standard deviation
+  Q_EMIT uncertaintyShownChanged(shown);
+}
+
 void MapPanel::setKind(ViewKind kind) {
+  // A tab stands for its parameter or for that one's standard deviation.
+  if (isUncertainty(kind)) {
+    if (!uncertaintyShown_) {
+      uncertaintyShown_ = true;
+      const QSignalBlocker block(uncertainty_);
+      uncertainty_->setChecked(true);
+      Q_EMIT uncertaintyShownChanged(true);
+    }
+  } else if (uncertaintyShown_) {
+    kind = uncertaintyOf(kind).value_or(kind);
+  }
   if (kind == kind_) return;
   kind_ = kind;
   document_->endGesture();
   const QSignalBlocker block(tabs_);
-  tabs_->setCurrentIndex(static_cast<int>(kind));
+  tabs_->setCurrentIndex(static_cast<int>(parameterOf(kind)));
   refreshPicture();
   Q_EMIT kindChanged(kind);
 }
@@ -268,16 +302,27 @@ void MapPanel::refreshPicture() {
     }
     view_->setEmptyText(capture ? tr("Choose a photograph in the strip below.") : tr("No bundle is open."));
   } else {
-    if (fit) picture = std::shared_ptr<const Image>(fit, mapOf(fit->maps(), kind_));
+    const Image* map = fit ? mapOf(fit->maps(), kind_) : nullptr;
+    if (map) picture = std::shared_ptr<const Image>(fit, map);
     caption = QString::fromUtf8(info(kind_).meaning);
     if (fit)
       caption += QStringLiteral("  \u00b7  %1 \u00d7 %2 texels%3")
                      .arg(fit->maps().width)
                      .arg(fit->maps().height)
                      .arg(fit->stats().cancelled ? tr("  \u00b7  fit was cancelled") : QString());
-    view_->setEmptyText(tr("There is no fit yet.\nFit \u2192 Fit (F5) makes the %1 map from the photographs.")
-                            .arg(QString::fromUtf8(info(kind_).title).toLower()));
+    view_->setEmptyText(
+        fit ? tr("This fit was written by an earlier version, without standard deviations.\nFit \u2192 Fit "
+                 "(F5) "
+                 "again to have them.")
+            : tr("There is no fit yet.\nFit \u2192 Fit (F5) makes the %1 map from the photographs.")
+                  .arg(QString::fromUtf8(info(parameterOf(kind_)).title).toLower()));
   }
+  const bool hasSd = isUncertainty(kind_) || uncertaintyOf(kind_).has_value();
+  uncertainty_->setToolTip(hasSd ? tr("How sure the map is: standard deviations from the photographs' noise "
+                                      "alone, not from what the model "
+                                      "lacks (Ctrl+U)")
+                                 : tr("This picture has no standard deviation; the other maps show theirs "
+                                      "while this is on (Ctrl+U)"));
   caption_->setText(caption);
   caption_->setToolTip(caption);
   view_->setPicture(picture, info(kind_).style);

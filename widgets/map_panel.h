@@ -29,6 +29,9 @@ class MapPanel : public QWidget {
   void setKind(ViewKind kind);
   /// Shows a photograph of the bundle (and switches to the photo tab).
   void showPhoto(int photo);
+  /// Shows parameters' standard deviations in their place, or the parameters again.
+  void showUncertainty(bool shown);
+  bool uncertaintyShown() const { return uncertaintyShown_; }
   int photo() const { return photo_; }
   ImageView* view() { return view_; }
 
@@ -37,6 +40,7 @@ class MapPanel : public QWidget {
 
  Q_SIGNALS:
   void kindChanged(patina::ViewKind kind);
+  void uncertaintyShownChanged(bool shown);
   /// The map texel under the cursor, on a map or through the camera on a photograph; none outside or without
   /// a fit.
   void texelHovered(std::optional<QPoint> texel);
@@ -56,7 +60,7 @@ class MapPanel : public QWidget {
   ViewKind kind_ = ViewKind::Photo;
   int photo_ = -1;
   std::shared_ptr<const Image> photoImage_;
-  bool updating_ = false;
+  bool updating_ = false, uncertaintyShown_ = false;
   QTimer gesture_;
 
   QTabBar* tabs_;
@@ -66,7 +70,7 @@ class MapPanel : public QWidget {
   QLabel *exposureLabel_, *lowLabel_, *highLabel_;
   QSlider* exposureSlider_;
   QDoubleSpinBox *exposure_, *low_, *high_;
-  QToolButton *auto_, *reset_, *zoomFit_, *zoomActual_;
+  QToolButton *auto_, *reset_, *zoomFit_, *zoomActual_, *uncertainty_;
 };
 
 }  // namespace patina

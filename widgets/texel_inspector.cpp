@@ -409,8 +409,17 @@ void TexelInspector::refreshTable(const FourierFit& fit, const QPoint& texel) {
   struct Row {
     QString name, value, unit;
   };
-  const auto colour = [](const Eigen::Array3f& v) {
-    return QString::asprintf("%.4f   %.4f   %.4f", v[0], v[1], v[2]);
+  // A value and, in a fit that has them, its standard deviation.
+  const auto colour = [&](const Eigen::Array3f& v, const Image& sd) {
+    QString text = QString::asprintf("%.4f   %.4f   %.4f", v[0], v[1], v[2]);
+    if (!sd.empty())
+      text += QString::asprintf("  \u00b1 %.2g", (sd.at(x, y, 0) + sd.at(x, y, 1) + sd.at(x, y, 2)) / 3);
+    return text;
+  };
+  const auto number = [&](double value, int digits, const Image& sd) {
+    QString text = QString::number(value, 'f', digits);
+    if (!sd.empty()) text += QString::asprintf("  \u00b1 %.2g", sd.at(x, y));
+    return text;
   };
   const Eigen::Vector3f n = parameters.normal;
   const double tilt = degrees(std::acos(std::clamp(n.z(), -1.0f, 1.0f)));
@@ -421,14 +430,17 @@ void TexelInspector::refreshTable(const FourierFit& fit, const QPoint& texel) {
        QString::asprintf("x %+.2f   y %+.2f", ((x + 0.5) / maps.width - 0.5) * maps.widthMm,
                          (0.5 - (y + 0.5) / maps.height) * maps.heightMm),
        tr("mm")},
-      {tr("Diffuse"), colour(parameters.diffuse), tr("albedo R G B")},
-      {tr("Specular"), colour(parameters.specular), tr("albedo R G B")},
-      {tr("Sigma"), QString::number(parameters.sigma, 'f', 5), tr("slope")},
-      {tr("Kurtosis \u03b3"), QString::number(parameters.kurtosis, 'f', 4), tr("1 = Gaussian")},
+      {tr("Diffuse"), colour(parameters.diffuse, maps.diffuseSd), tr("albedo R G B")},
+      {tr("Specular"), colour(parameters.specular, maps.specularSd), tr("albedo R G B")},
+      {tr("Sigma"), number(parameters.sigma, 5, maps.sigmaSd), tr("slope")},
+      {tr("Kurtosis \u03b3"), number(parameters.kurtosis, 4, maps.kurtosisSd), tr("1 = Gaussian")},
       {tr("Narrow, wide lobe"), QString::asprintf("%.5f   %.5f", sigmas[0], sigmas[1]), tr("slope")},
       {tr("Normal"), QString::asprintf("%+.4f   %+.4f   %+.4f", n.x(), n.y(), n.z()), tr("X Y Z")},
       {tr("Tilt, towards"), QString::asprintf("%.2f   %.0f", tilt, degrees(std::atan2(n.y(), n.x()))),
        tr("\u00b0, \u00b0 from +x")},
+      {tr("Direction \u00b1"),
+       maps.normalSd.empty() ? tr("not known") : QString::asprintf("%.2g", maps.normalSd.at(x, y)),
+       tr("\u00b0, of the normal")},
       {tr("Residual"), QString::number(maps.residual.at(x, y), 'f', 4), tr("relative RMS, fitted")},
   };
   double error = 0, energy = 0;

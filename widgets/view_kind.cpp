@@ -23,12 +23,46 @@ const std::array<ViewKindInfo, kViewKindCount>& viewKinds() {
        "What the model leaves unexplained: relative RMS over the fitted frequencies and channels",
        ToneStyle::Scalar},
       {ViewKind::Status, "status", "Status", "", "What became of each texel in the fit", ToneStyle::Status},
+      {ViewKind::DiffuseSd, "diffuse-sd", "Diffuse \u00b1", "albedo",
+       "Standard deviation of the diffuse albedo, from the photographs' noise alone", ToneStyle::LinearRgb},
+      {ViewKind::SpecularSd, "specular-sd", "Specular \u00b1", "albedo",
+       "Standard deviation of the specular albedo, from the photographs' noise alone", ToneStyle::LinearRgb},
+      {ViewKind::NormalSd, "normal-sd", "Normal \u00b1", "\u00b0",
+       "Standard deviation of the normal's direction, from the photographs' noise alone", ToneStyle::Scalar},
+      {ViewKind::SigmaSd, "sigma-sd", "Sigma \u00b1", "slope",
+       "Standard deviation of the lobe's width, from the photographs' noise alone", ToneStyle::Scalar},
+      {ViewKind::KurtosisSd, "kurtosis-sd", "Kurtosis \u00b1", "",
+       "Standard deviation of gamma, from the photographs' noise alone", ToneStyle::Scalar},
   }};
   return kinds;
 }
 
 const ViewKindInfo& info(ViewKind kind) {
   return viewKinds()[static_cast<std::size_t>(kind)];
+}
+
+namespace {
+constexpr std::array<std::pair<ViewKind, ViewKind>, 5> kPairs{{{ViewKind::Diffuse, ViewKind::DiffuseSd},
+                                                               {ViewKind::Specular, ViewKind::SpecularSd},
+                                                               {ViewKind::Normal, ViewKind::NormalSd},
+                                                               {ViewKind::Sigma, ViewKind::SigmaSd},
+                                                               {ViewKind::Kurtosis, ViewKind::KurtosisSd}}};
+}
+
+bool isUncertainty(ViewKind kind) {
+  return static_cast<int>(kind) >= kTabCount;
+}
+
+ViewKind parameterOf(ViewKind kind) {
+  for (const auto& [parameter, sd] : kPairs)
+    if (sd == kind) return parameter;
+  return kind;
+}
+
+std::optional<ViewKind> uncertaintyOf(ViewKind kind) {
+  for (const auto& [parameter, sd] : kPairs)
+    if (parameter == kind) return sd;
+  return std::nullopt;
 }
 
 const Image* mapOf(const SvbrdfMaps& maps, ViewKind kind) {
@@ -49,8 +83,15 @@ const Image* mapOf(const SvbrdfMaps& maps, ViewKind kind) {
       return &maps.residual;
     case ViewKind::Status:
       return &maps.status;
+    default:
+      break;
   }
-  return nullptr;
+  const Image* sd = kind == ViewKind::DiffuseSd    ? &maps.diffuseSd
+                    : kind == ViewKind::SpecularSd ? &maps.specularSd
+                    : kind == ViewKind::NormalSd   ? &maps.normalSd
+                    : kind == ViewKind::SigmaSd    ? &maps.sigmaSd
+                                                   : &maps.kurtosisSd;
+  return sd->empty() ? nullptr : sd;
 }
 
 unsigned unmeasuredStates(ViewKind kind) {
@@ -62,6 +103,9 @@ unsigned unmeasuredStates(ViewKind kind) {
     case ViewKind::Specular:
     case ViewKind::Sigma:
     case ViewKind::Kurtosis:
+    case ViewKind::SpecularSd:
+    case ViewKind::SigmaSd:
+    case ViewKind::KurtosisSd:
       return bit(TexelStatus::NotMeasured) | bit(TexelStatus::MirrorOffScreen);
     default:
       return bit(TexelStatus::NotMeasured);
@@ -75,6 +119,8 @@ QString valueText(ViewKind kind, std::span<const float> pixel) {
   for (const float sample : pixel) {
     if (kind == ViewKind::Normal)
       numbers << QString::asprintf("%+.4f", sample);
+    else if (isUncertainty(kind))
+      numbers << QString::asprintf("%.2g", sample);
     else if (kind == ViewKind::Kurtosis)
       numbers << QString::asprintf("%.3f", sample);
     else

@@ -2,6 +2,7 @@
 
 #include <QString>
 #include <array>
+#include <optional>
 
 #include "engine/fourier/maps.h"
 #include "widgets/tone.h"
@@ -9,8 +10,23 @@
 namespace patina {
 
 /// What the picture in the middle of the window shows.
-enum class ViewKind { Photo, Diffuse, Specular, Normal, Sigma, Kurtosis, Residual, Status };
-inline constexpr int kViewKindCount = 8;
+/// The first eight have a tab; a standard deviation is shown in its parameter's place.
+enum class ViewKind {
+  Photo,
+  Diffuse,
+  Specular,
+  Normal,
+  Sigma,
+  Kurtosis,
+  Residual,
+  Status,
+  DiffuseSd,
+  SpecularSd,
+  NormalSd,
+  SigmaSd,
+  KurtosisSd
+};
+inline constexpr int kViewKindCount = 13, kTabCount = 8;
 
 /// How a kind is named, explained and coloured.
 struct ViewKindInfo {
@@ -25,7 +41,13 @@ struct ViewKindInfo {
 const std::array<ViewKindInfo, kViewKindCount>& viewKinds();
 const ViewKindInfo& info(ViewKind kind);
 
-/// The map of a kind; null for `Photo`.
+/// Whether a kind is a standard deviation, the parameter that it belongs to (itself for others), and the
+/// standard deviation of a parameter (none for photographs, residual and status).
+bool isUncertainty(ViewKind kind);
+ViewKind parameterOf(ViewKind kind);
+std::optional<ViewKind> uncertaintyOf(ViewKind kind);
+
+/// The map of a kind; null for `Photo`, and for a standard deviation in a fit of an earlier version.
 const Image* mapOf(const SvbrdfMaps& maps, ViewKind kind);
 
 /// States of texels that hold no measurement of this kind (bit i: state i): gloss is not measured where the

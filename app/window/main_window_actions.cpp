@@ -121,6 +121,7 @@ void MainWindow::buildActions() {
   viewMenu_ = menuBar()->addMenu(tr("&View"));
   auto* kinds = new QActionGroup(this);
   for (const auto& kind : viewKinds()) {
+    if (isUncertainty(kind.kind)) continue;
     const int index = static_cast<int>(kind.kind);
     QAction* one =
         addAction(viewMenu_, QStringLiteral("view-") + kind.id, QString::fromUtf8(kind.title),
@@ -130,8 +131,15 @@ void MainWindow::buildActions() {
     one->setChecked(maps_->kind() == kind.kind);
     kinds->addAction(one);
   }
-  connect(maps_, &MapPanel::kindChanged, this,
-          [this](ViewKind kind) { action(QStringLiteral("view-") + info(kind).id)->setChecked(true); });
+  connect(maps_, &MapPanel::kindChanged, this, [this](ViewKind kind) {
+    action(QStringLiteral("view-") + info(parameterOf(kind)).id)->setChecked(true);
+  });
+  QAction* uncertainty =
+      addAction(viewMenu_, "view-uncertainty", tr("Standard &Deviations"), QKeySequence(Qt::CTRL | Qt::Key_U),
+                tr("How sure each map is, in its place: from the photographs' noise alone"),
+                [this] { maps_->showUncertainty(!maps_->uncertaintyShown()); });
+  uncertainty->setCheckable(true);
+  connect(maps_, &MapPanel::uncertaintyShownChanged, uncertainty, &QAction::setChecked);
   buildTwoShotViews();
   viewMenu_->addSeparator();
   addAction(viewMenu_, "zoom-in", tr("Zoom &In"), QKeySequence::ZoomIn, tr("Enlarge the picture"), [this] {
@@ -293,7 +301,10 @@ void MainWindow::refreshActions() {
     action(name)->setVisible(!twoShot);
     allow(name, open && !twoShot, noBundle);
   }
+  action(QStringLiteral("view-uncertainty"))->setVisible(!twoShot);
+  allow(QStringLiteral("view-uncertainty"), open && !twoShot, noBundle);
   for (const auto& kind : viewKinds()) {
+    if (isUncertainty(kind.kind)) continue;
     action(QStringLiteral("view-") + kind.id)->setVisible(!twoShot);
     allow(QStringLiteral("view-") + kind.id, open && !twoShot, noBundle);
   }

@@ -55,6 +55,12 @@ FourierFitOptions Settings::fitOptions() const {
   options.neighbourRestarts =
       store_.value(QStringLiteral("neighbour_restarts"), options.neighbourRestarts).toBool();
   options.poolNeighbours = store_.value(QStringLiteral("pool_neighbours"), options.poolNeighbours).toBool();
+  options.schedule = store_.value(QStringLiteral("schedule")).toString() == QStringLiteral("paper")
+                         ? FitSchedule::Paper
+                         : FitSchedule::Independent;
+  options.memoryLimitBytes =
+      store_.value(QStringLiteral("memory_bytes"), QVariant::fromValue<qulonglong>(options.memoryLimitBytes))
+          .toULongLong();
   store_.endGroup();
   // A file that somebody edited, or an older version's: start anew rather than refuse every fit.
   return options.validate().empty() ? options : FourierFitOptions{};
@@ -73,6 +79,10 @@ void Settings::setFitOptions(const FourierFitOptions& options) {
   store_.setValue(QStringLiteral("tolerance"), options.tolerance);
   store_.setValue(QStringLiteral("neighbour_restarts"), options.neighbourRestarts);
   store_.setValue(QStringLiteral("pool_neighbours"), options.poolNeighbours);
+  store_.setValue(QStringLiteral("schedule"), options.schedule == FitSchedule::Paper
+                                                  ? QStringLiteral("paper")
+                                                  : QStringLiteral("independent"));
+  store_.setValue(QStringLiteral("memory_bytes"), QVariant::fromValue<qulonglong>(options.memoryLimitBytes));
   store_.endGroup();
 }
 

@@ -219,12 +219,37 @@ TEST_F(WindowTest, EveryMapHasATabAndAPicture) {
   auto window = makeWindow(fakeServices());
   open(*window, smallBundle());
   fitWithFake(*window);
-  EXPECT_EQ(window->findChild<QTabBar*>("mapTabs")->count(), kViewKindCount);
+  EXPECT_EQ(window->findChild<QTabBar*>("mapTabs")->count(), kTabCount);
   for (const auto& kind : viewKinds()) {
+    if (isUncertainty(kind.kind)) continue;
     window->action(QStringLiteral("view-") + kind.id)->trigger();
     EXPECT_EQ(window->maps()->kind(), kind.kind);
     EXPECT_TRUE(until([&] { return window->maps()->view()->picture() != nullptr; })) << kind.id;
   }
+}
+
+TEST_F(WindowTest, StandardDeviationsTakeTheirParametersPlace) {
+  auto window = makeWindow(fakeServices());
+  open(*window, smallBundle());
+  fitWithFake(*window);
+  QAction* toggle = window->action(QStringLiteral("view-uncertainty"));
+  window->action(QStringLiteral("view-sigma"))->trigger();
+  ASSERT_EQ(window->maps()->kind(), ViewKind::Sigma);
+  EXPECT_FALSE(toggle->isChecked());
+  toggle->trigger();
+  EXPECT_EQ(window->maps()->kind(), ViewKind::SigmaSd);
+  EXPECT_TRUE(toggle->isChecked());
+  EXPECT_TRUE(window->findChild<QToolButton*>("uncertainty")->isChecked());
+  EXPECT_EQ(window->findChild<QTabBar*>("mapTabs")->currentIndex(), static_cast<int>(ViewKind::Sigma));
+  // other tabs follow, those without a standard deviation stay what they are
+  window->action(QStringLiteral("view-normal"))->trigger();
+  EXPECT_EQ(window->maps()->kind(), ViewKind::NormalSd);
+  window->action(QStringLiteral("view-status"))->trigger();
+  EXPECT_EQ(window->maps()->kind(), ViewKind::Status);
+  window->findChild<QToolButton*>("uncertainty")->click();
+  window->action(QStringLiteral("view-normal"))->trigger();
+  EXPECT_EQ(window->maps()->kind(), ViewKind::Normal);
+  EXPECT_FALSE(toggle->isChecked());
 }
 
 TEST_F(WindowTest, DraggingOnTheSheetMovesTheLampAndItsLight) {
