@@ -80,6 +80,21 @@ void join(const TexelSums& to, const TexelSums& from, std::size_t rows) {
   *to.count += *from.count;
 }
 
+/// One more value in running means (weight `share`) and, where wanted, sums of squared deviations (Welford
+/// 1962).
+void accumulate(float* __restrict mean, float* __restrict square, const float* __restrict value,
+                std::size_t count, float share) {
+  if (square) {
+    for (std::size_t k = 0; k < count; ++k) {
+      const float gap = value[k] - mean[k], next = mean[k] + share * gap;
+      mean[k] = next;
+      square[k] += gap * (value[k] - next);
+    }
+  } else {
+    for (std::size_t k = 0; k < count; ++k) mean[k] += share * (value[k] - mean[k]);
+  }
+}
+
 /// Sites of one run, averaged by texel.
 struct Partial {
   std::vector<std::uint32_t> texel;
@@ -102,6 +117,7 @@ Partial averageRun(const FourierFitState& state, const MirrorPhase& phase, const
   resize(out.sums, out.texel.size(), withScatter);
   const std::size_t stride = grid.zStride(), rows = stride / 3;
   std::vector<float> turned(stride);
+  std::vector<char> incomplete(out.texel.size(), 0);  // texels of which some sites dropped rows
   std::size_t at = 0;
   for (const auto key : order) {
     while (out.texel[at] != key >> 32) ++at;
@@ -118,23 +134,23 @@ Partial averageRun(const FourierFitState& state, const MirrorPhase& phase, const
     *sums.point += share * (m.sites.pointMm[site] - *sums.point);
     phase.turn(m.sites.pointMm[site], sites.z(site), turned.data());
     const auto dropped = sites.dropped(site);
-    // A turn mixes real and imaginary part: where one is spoilt, so is the other.
     for (std::size_t row = 0; row < rows; ++row) ++sums.rows[row];
+    // A turn mixes real and imaginary part: where one is spoilt, so is the other.
     for (std::size_t k = 0; k < dropped.size(); ++k) {
       const std::size_t even = dropped[k] & ~std::size_t{1};
       if (k > 0 && (dropped[k - 1] & ~std::size_t{1}) == even) continue;
       --sums.rows[even];
       --sums.rows[even + 1];
       std::copy_n(sums.z + even * 3, 6, turned.data() + even * 3);
+      incomplete[at] = 1;
     }
-    for (std::size_t row = 0; row < rows; ++row) {
-      if (sums.rows[row] == 0) continue;
-      const float rowShare = 1.0f / static_cast<float>(sums.rows[row]);
-      for (std::size_t k = row * 3; k < row * 3 + 3; ++k) {
-        const float gap = turned[k] - sums.z[k];
-        sums.z[k] += rowShare * gap;
-        if (sums.scatter) sums.scatter[k] += gap * (turned[k] - sums.z[k]);
-      }
+    if (!incomplete[at]) {
+      accumulate(sums.z, sums.scatter, turned.data(), stride, share);
+    } else {
+      for (std::size_t row = 0; row < rows; ++row)
+        if (sums.rows[row] > 0)
+          accumulate(sums.z + row * 3, sums.scatter ? sums.scatter + row * 3 : nullptr,
+                     turned.data() + row * 3, 3, 1.0f / static_cast<float>(sums.rows[row]));
     }
   }
   return out;

@@ -28,13 +28,13 @@ using LevelLinearSolver =
     std::function<bool(const LevelSystem&, std::span<LevelProblem::Vector> step, const JobContext&)>;
 
 /// Conjugate gradients with the diagonal blocks (C's included) inverted as preconditioner, to a residual of
-/// 1e-3, at most 200 rounds. Deterministic: sums don't depend on the threads.
+/// 1e-2, at most 200 rounds. Deterministic: sums don't depend on the threads.
 bool solveByConjugateGradients(const LevelSystem& system, std::span<LevelProblem::Vector> step,
                                const JobContext& job);
 
 struct LevelOptions {
   int maxIterations = 12;
-  double tolerance = 1e-4;  ///< relative decrease of the cost below which a level has converged
+  double tolerance = 1e-3;  ///< relative decrease of the cost below which a level has converged
 };
 
 /// Levenberg-Marquardt on the coupled problem from `x`, which it replaces. Every texel has a damping of its

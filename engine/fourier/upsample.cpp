@@ -19,14 +19,14 @@ constexpr std::size_t kRun = 4096;  // targets a task: a few rows, short enough 
 // the signal unexplained. Softer than a rule, because albedos finer than the grid do leave the range of the
 // texels around them; harder than nothing, or a dark speckle of any material would be explained by shade.
 constexpr double kSumShare = 0.1;
-// A weight strays from bilinear interpolation by this much for free: what one standard deviation of noise
-// costs. Without it, like texels make the problem singular, and noise picks a single one.
-constexpr double kPlaceSigma = 0.5;
-// ... and at least as much as keeps single precision's rounding out of the weights: texels alike within
-// 0.3 % are not told apart.
+// A weight may stray from bilinear interpolation by one at the price of one standard deviation of noise.
+// Without it, like texels make the problem singular, and noise picks a single one.
+constexpr double kPlaceSigma = 1;
+// ... or for a little more, as far as single precision's rounding needs it: texels alike within 0.3 % are not
+// told apart.
 constexpr double kLeastRidge = 1e-5;
-// A further texel must explain more than two standard deviations.
-constexpr float kSignificant = 4;
+// What a further texel must explain: one standard deviation squared, as any parameter does of pure noise.
+constexpr float kSignificant = 1;
 
 /// A point that is to be explained: where it lies on the low grid.
 struct Target {
