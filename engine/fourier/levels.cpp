@@ -159,7 +159,7 @@ void fillCosts(const FourierFitState& state, const SolverSetup& setup, std::span
       }
       s.cost = s.dataCost + prior;
     }
-    job.progress("costs", done += static_cast<std::int64_t>(count),
+    job.progress("upsample", done += static_cast<std::int64_t>(count),
                  static_cast<std::int64_t>(solutions.size()), "texels");
   });
 }

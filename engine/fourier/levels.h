@@ -68,7 +68,7 @@ Result<LevelSolution> solveLevels(const FourierFitState& state, const SolverSetu
 /// The paper's own schedule: levels, then independent texels at half of the sites' resolution started from
 /// the last level, then 7.2's upsampling to every site. Fills `out`, one a site, with lobes, albedos and the
 /// cost of the site's own measurements; no site is solved by itself.
-/// Progress stages: "levels", "solve", "upsample", "costs". Errors: Cancelled before the levels were
+/// Progress stages: "levels", "solve", "upsample". Errors: Cancelled before the levels were
 /// finished; a later stop leaves outcome Failed where nothing is known yet. Memory: 900 bytes a texel of the
 /// half resolution.
 Status paperSchedule(const FourierFitState& state, const SolverSetup& setup, std::span<SiteSolution> out,

@@ -305,11 +305,24 @@ BENCHMARK(BM_LevelConjugateGradients)
     ->Arg(64)
     ->Arg(128)
     ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
     ->UseRealTime();
 // A factorisation's time grows with the power 1.5 of the texels: at 64 it is minutes.
-BENCHMARK(BM_LevelSparseCholesky)->Arg(32)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(BM_LevelCeresCholesky)->Arg(32)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(BM_LevelCeresConjugateGradients)->Arg(32)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_LevelSparseCholesky)
+    ->Arg(32)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK(BM_LevelCeresCholesky)
+    ->Arg(32)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK(BM_LevelCeresConjugateGradients)
+    ->Arg(32)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
 
 /// What a fit does: measuring, 32, 64 and 128.
 void BM_LevelsOfAFit(benchmark::State& state) {
@@ -320,7 +333,7 @@ void BM_LevelsOfAFit(benchmark::State& state) {
     if (!solution) state.SkipWithError(solution.error().sentence().c_str());
   }
 }
-BENCHMARK(BM_LevelsOfAFit)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_LevelsOfAFit)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 
 /// Section 7.2 from 128 texels to every site.
 void BM_LevelUpsampling(benchmark::State& state) {
@@ -332,7 +345,7 @@ void BM_LevelUpsampling(benchmark::State& state) {
   state.counters["sites_per_second"] =
       benchmark::Counter(static_cast<double>(out.size()), benchmark::Counter::kIsIterationInvariantRate);
 }
-BENCHMARK(BM_LevelUpsampling)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_LevelUpsampling)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 
 }  // namespace
 }  // namespace patina::bench
