@@ -40,7 +40,7 @@ class SiteLanes {
   SiteLanes(const PhotoPrediction& shared, std::span<const PredictionSite> sites)
       : shared_(shared), sites_(sites), lanes_(hn::Lanes(Tag())) {
     const auto gather = [&](auto get) {
-      HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)];
+      HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)] = {};
       for (std::size_t lane = 0; lane < lanes_; ++lane)
         value[lane] = static_cast<float>(get(sites_[std::min(lane, sites_.size() - 1)]));
       return Lanes(hn::Load(Tag(), value));
@@ -149,14 +149,14 @@ class SiteLanes {
 
  private:
   Lanes gatherFrom(const float* PredictionSite::*array, std::size_t at) const {
-    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)];
+    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)] = {};
     for (std::size_t lane = 0; lane < lanes_; ++lane)
       value[lane] = (sites_[std::min(lane, sites_.size() - 1)].*array)[at];
     return Lanes(hn::Load(Tag(), value));
   }
 
   double total(Lanes sum) const {
-    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)];
+    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)] = {};
     hn::Store(sum.v, Tag(), value);
     double all = 0;
     for (std::size_t lane = 0; lane < lanes_; ++lane) all += value[lane];
@@ -241,7 +241,7 @@ class SiteLanes {
   }
 
   Lanes withoutDropped(int row) const {
-    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)];
+    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)] = {};
     for (std::size_t lane = 0; lane < lanes_; ++lane)
       value[lane] =
           lane < sites_.size() && !std::ranges::binary_search(sites_[lane].droppedRows, row) ? 1.0f : 0.0f;

@@ -236,7 +236,8 @@ class SheetSolver {
     const float spread =
         std::sqrt(6.0f * static_cast<float>(2 * setup_.frequency.size() + 1));  // of a chi-square
     const float byChance = state_.options.weights == MeasurementWeights::Noise ? spread : 0;
-    std::vector<std::int64_t> best(set.size(), -1);
+    constexpr std::uint32_t kNone = ~std::uint32_t{0};
+    std::vector<std::uint32_t> best(set.size(), kNone);
     // Serial: a group's pixels lie in several rows, and this is a few milliseconds for a million sites.
     for (int y = 0; y < set.imageHeight; ++y) {
       for (int x = 0; x < set.imageWidth; ++x) {
@@ -252,13 +253,14 @@ class SheetSolver {
           const bool elsewhere = !solved_[here] || std::abs(a.lobe.logSigma - b.lobe.logSigma) > 0.1f ||
                                  std::abs(a.lobe.slopeX - b.lobe.slopeX) > 0.01f ||
                                  std::abs(a.lobe.slopeY - b.lobe.slopeY) > 0.01f;
-          if (elsewhere && (best[here] < 0 || b.cost < solution_[best[here]].cost)) best[here] = there;
+          if (elsewhere && (best[here] == kNone || b.cost < solution_[best[here]].cost))
+            best[here] = static_cast<std::uint32_t>(there);
         }
       }
     }
     std::vector<Task> offers;
     for (std::size_t s = 0; s < best.size(); ++s)
-      if (best[s] >= 0) offers.push_back({static_cast<std::uint32_t>(s), solution_[best[s]].lobe});
+      if (best[s] != kNone) offers.push_back({static_cast<std::uint32_t>(s), solution_[best[s]].lobe});
     return offers;
   }
 
