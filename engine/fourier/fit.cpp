@@ -126,6 +126,7 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   if (const auto failure = m.store.failure()) return *failure;
   if (const auto failure = state->finished.failure())
     job.warn("a fit that is stopped now starts over: " + failure->sentence());
+  state->finished = {};  // lets go of the file: the next fit may want it while this one is looked at
   if (state->stats.texels == 0) {
     if (job.cancelled())
       return Error{ErrorCode::Cancelled, "the fit was cancelled before any texel was done", "", ""};
