@@ -108,9 +108,9 @@ std::filesystem::path unfinishedInCache(const FourierCapture& capture);
 /// Reads every photograph once; those marked holdout only for the error of prediction. Memory stays below
 /// `options.memoryLimitBytes`: measurements go to a scratch file, and where that isn't enough pixels are
 /// grouped to coarser sites, with a warning. Progress stages: "read", "levels", "upsample", "solve", "rescue"
-/// (other starts, neighbours' offers), "maps", "predict", "holdout". Cancelled: the fit so far is returned with stats().cancelled set,
-/// unless nothing was fitted yet (then ErrorCode::Cancelled). Errors: those of `readPhoto`; Invalid where the
-/// patterns can't determine the model. Threads: all cores, or job.threads.
+/// (other starts, neighbours' offers), "maps", "predict", "holdout". Cancelled: the fit so far is returned
+/// with stats().cancelled set, unless nothing was fitted yet (then ErrorCode::Cancelled). Errors: those of
+/// `readPhoto`; Invalid where the patterns can't determine the model. Threads: all cores, or job.threads.
 Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,
                                                      const FourierFitOptions& options, const JobContext& job,
                                                      const FourierFitStorage& storage = {});
