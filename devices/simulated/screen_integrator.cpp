@@ -331,81 +331,165 @@ bool ScreenIntegrator::prepare(int finest, const std::stop_token& stop) {
   return !stop.stop_requested();
 }
 
-// ---- one point ----
+// ---- points ----
 
-/// slopeSigma 0: the Lambertian term. Otherwise one of the lobe's two Gaussians, of weight 1/2.
-void ScreenIntegrator::accumulate(const Frame& frame, const Patch& patch, double slopeSigma,
-                                  Eigen::ArrayXf& response) const {
-  const int count = patch.x1 - patch.x0 + 1;
-  if (count <= 0 || patch.y1 < patch.y0 || frame.distance <= 0) return;  // off the screen, or behind it
-  const Level& level =
-      levels_.at(static_cast<std::size_t>(patch.level));  // throws where `prepare` was forgotten
+/// What multiplies the pattern along one row of nodes, for one point. slopeSigma 0: the Lambertian term.
+/// Otherwise one of the lobe's two Gaussians, of weight 1/2.
+class ScreenIntegrator::KernelRow {
+ public:
+  KernelRow(const ScreenIntegrator& owner, const Frame& frame, const Patch& patch, double spacing,
+            double slopeSigma)
+      : owner_(owner), frame_(frame), patch_(patch), spacing_(spacing), slopeSigma_(slopeSigma) {
+    const int count = patch.x1 - patch.x0 + 1;
+    lx_ = Eigen::ArrayXf::LinSpaced(count, f(patch.x0 * spacing), f(patch.x1 * spacing)) - f(frame.point.x());
+    if (owner.screen_.emission) {
+      const ScreenEmission& e = *owner.screen_.emission;
+      const float d = f(frame.distance);
+      emission_ = f(e.gain) * (-0.5f * ((lx_ / d - f(e.mean.x())) / f(e.sigma.x())).square()).exp();
+    }
+  }
 
-  const auto f = [](double v) { return static_cast<float>(v); };
-  const Eigen::Vector3f o = frame.view.cast<float>(), n = frame.normal.cast<float>();
-  const Eigen::Vector3f t1 = frame.tangent.cast<float>(), t2 = frame.bitangent.cast<float>();
-  const float d = f(frame.distance), nv = n.dot(o);
-  const Eigen::ArrayXf lx =
-      Eigen::ArrayXf::LinSpaced(count, f(patch.x0 * level.spacing), f(patch.x1 * level.spacing)) -
-      f(frame.point.x());
-  const float lz = -d;
-  const float gaussian = slopeSigma > 0 ? f(0.5 / (2 * kPi * slopeSigma * slopeSigma)) : 0.0f;
-  const float exponent = slopeSigma > 0 ? f(-0.5 / (slopeSigma * slopeSigma)) : 0.0f;
-  Eigen::ArrayXf invD(count), nl(count), kernel(count), a(count), b(count), c(count), lv(count);
-  const float cut = f(-0.5 * quality_.lobeReach * quality_.lobeReach);
-  Eigen::Map<Eigen::VectorXf> total(response.data(), static_cast<Eigen::Index>(stride_));
-
-  for (int ky = patch.y0; ky <= patch.y1; ++ky) {
-    const float ly = f(ky * level.spacing - frame.point.y());
-    invD = (lx.square() + (ly * ly + lz * lz)).rsqrt();
-    nl = ((lx * n.x() + (ly * n.y() + lz * n.z())) * invD).max(0.0f);
-    int first = 0, last = count;
-    if (slopeSigma <= 0) {
-      kernel = nl * invD.cube() * (d / f(kPi));  // n.l / pi, times cosine at the screen d / D, over D^2
+  /// Writes the kernel at nodes x0 + first to x0 + last - 1 of row `ky` to `to`; the rest is zero.
+  void evaluate(int ky, Eigen::ArrayXf& kernel, int& first, int& last) {
+    const auto count = static_cast<int>(lx_.size());
+    const Eigen::Vector3f o = frame_.view.cast<float>(), n = frame_.normal.cast<float>();
+    const Eigen::Vector3f t1 = frame_.tangent.cast<float>(), t2 = frame_.bitangent.cast<float>();
+    const float d = f(frame_.distance), nv = n.dot(o), lz = -d;
+    const float ly = f(ky * spacing_ - frame_.point.y());
+    invD_ = (lx_.square() + (ly * ly + lz * lz)).rsqrt();
+    nl_ = ((lx_ * n.x() + (ly * n.y() + lz * n.z())) * invD_).max(0.0f);
+    first = 0, last = count;
+    if (slopeSigma_ <= 0) {
+      kernel = nl_ * invD_.cube() * (d / f(kPi));  // n.l / pi, times cosine at the screen d / D, over D^2
     } else {
-      lv = (lx * o.x() + (ly * o.y() + lz * o.z())) * invD;
-      c = (nl + nv).inverse();                                                   // 1 / s.n
-      a = ((lx * t1.x() + (ly * t1.y() + lz * t1.z())) * invD + t1.dot(o)) * c;  // slope of the half-vector
-      b = ((lx * t2.x() + (ly * t2.y() + lz * t2.z())) * invD + t2.dot(o)) * c;
-      kernel = (a.square() + b.square()) * exponent;
+      const float gaussian = f(0.5 / (2 * kPi * slopeSigma_ * slopeSigma_));
+      const float exponent = f(-0.5 / (slopeSigma_ * slopeSigma_));
+      const float cut = f(-0.5 * owner_.quality_.lobeReach * owner_.quality_.lobeReach);
+      c_ = (nl_ + nv).inverse();  // 1 / s.n
+      a_ = ((lx_ * t1.x() + (ly * t1.y() + lz * t1.z())) * invD_ + t1.dot(o)) *
+           c_;  // slope of the half-vector
+      b_ = ((lx_ * t2.x() + (ly * t2.y() + lz * t2.z())) * invD_ + t2.dot(o)) * c_;
+      kernel = (a_.square() + b_.square()) * exponent;
       // Only the part of the row that the lobe reaches. Beyond, numbers soon become denormal, which would
       // cost far more time than all the rest.
       while (first < last && !(kernel[first] > cut)) ++first;
       while (last > first && !(kernel[last - 1] > cut)) --last;
-      if (first == last) continue;
-      kernel = kernel.max(cut).exp() * gaussian;
-      a = (2 + 2 * lv).max(0.0f);           // |s|^2
-      kernel *= (a * c.square()).square();  // (n.h)^-4
-      b = (1 - 0.5f * a.sqrt()).max(0.0f);  // 1 - l.h
-      kernel *= 1 + f((1 - kSchlickF0) / kSchlickF0) * b.square().square() * b;
-      kernel *= invD.cube() * (d * 0.25f / nv);  // n.l / (4 n.l n.v), d / D^3
-      kernel = (nl > 0).select(kernel, 0.0f);
+      if (first == last) return;
+      const int length = last - first;
+      const auto lx = lx_.segment(first, length), invD = invD_.segment(first, length),
+                 nl = nl_.segment(first, length), c = c_.segment(first, length);
+      auto k = kernel.segment(first, length);
+      auto a = a_.segment(first, length), b = b_.segment(first, length);
+      k = k.max(cut).exp() * gaussian;
+      a = (2 + 2 * (lx * o.x() + (ly * o.y() + lz * o.z())) * invD).max(0.0f);  // |s|^2
+      k *= (a * c.square()).square();                                           // (n.h)^-4
+      b = (1 - 0.5f * a.sqrt()).max(0.0f);                                      // 1 - l.h
+      k *= 1 + f((1 - kSchlickF0) / kSchlickF0) * b.square().square() * b;
+      k *= invD.cube() * (d * 0.25f / nv);  // n.l / (4 n.l n.v), d / D^3
+      k = (nl > 0).select(k, 0.0f);
     }
-    if (screen_.emission) {
-      const ScreenEmission& e = *screen_.emission;
+    if (owner_.screen_.emission) {
+      const ScreenEmission& e = *owner_.screen_.emission;
       const float qy = (ly / d - f(e.mean.y())) / f(e.sigma.y());
-      kernel *= f(e.gain) * (-0.5f * (((lx / d - f(e.mean.x())) / f(e.sigma.x())).square() + qy * qy)).exp();
+      kernel.segment(first, last - first) *=
+          emission_.segment(first, last - first) * std::exp(-0.5f * qy * qy);
     }
-    const float* sums = level.sums.data() + (static_cast<std::size_t>(ky + level.reachY) * level.nodesX() +
-                                             static_cast<std::size_t>(patch.x0 + first + level.reachX)) *
-                                                stride_;
-    const Eigen::Map<const Eigen::MatrixXf> block(sums, static_cast<Eigen::Index>(stride_), last - first);
-    total.noalias() += block * kernel.segment(first, last - first).matrix();
   }
+
+ private:
+  static float f(double value) { return static_cast<float>(value); }
+
+  const ScreenIntegrator& owner_;
+  const Frame& frame_;
+  const Patch& patch_;
+  double spacing_, slopeSigma_;
+  Eigen::ArrayXf lx_, emission_, invD_, nl_, a_, b_, c_;
+};
+
+void ScreenIntegrator::accumulate(const std::vector<Frame>& frames, const std::vector<Patch>& patches,
+                                  const std::vector<double>& slopeSigma, Eigen::MatrixXf& response) const {
+  Eigen::MatrixXf kernels, sum;
+  Eigen::ArrayXf row;
+  std::vector<bool> done(frames.size(), false);
+  for (std::size_t lead = 0; lead < frames.size(); ++lead) {
+    if (done[lead]) continue;
+    // All points on this level, over the rectangle that holds their patches.
+    const double spacing = spacingOf(patches[lead].level);
+    std::vector<KernelRow> kernelRows;
+    std::vector<std::size_t> member;
+    Patch all = patches[lead];
+    for (std::size_t i = lead; i < frames.size(); ++i) {
+      const Patch& patch = patches[i];
+      if (patch.level != patches[lead].level) continue;
+      done[i] = true;
+      if (patch.x1 < patch.x0 || patch.y1 < patch.y0 || frames[i].distance <= 0)
+        continue;  // off the screen, or behind it
+      kernelRows.emplace_back(*this, frames[i], patch, spacing, slopeSigma[i]);
+      if (member.empty()) all = patch;
+      member.push_back(i);
+      all.x0 = std::min(all.x0, patch.x0), all.x1 = std::max(all.x1, patch.x1);
+      all.y0 = std::min(all.y0, patch.y0), all.y1 = std::max(all.y1, patch.y1);
+    }
+    if (member.empty()) continue;
+    const Level& level =
+        levels_.at(static_cast<std::size_t>(patches[lead].level));  // throws where `prepare` was forgotten
+    const auto width = static_cast<Eigen::Index>(all.x1 - all.x0 + 1);
+    const auto columns = static_cast<Eigen::Index>(member.size());
+    sum.setZero(static_cast<Eigen::Index>(stride_), columns);
+    for (int ky = all.y0; ky <= all.y1; ++ky) {
+      kernels.setZero(width, columns);
+      Eigen::Index begin = width, end = 0;
+      for (std::size_t k = 0; k < member.size(); ++k) {
+        const Patch& patch = patches[member[k]];
+        if (ky < patch.y0 || ky > patch.y1) continue;
+        int first = 0, last = 0;
+        kernelRows[k].evaluate(ky, row, first, last);
+        if (first == last) continue;
+        const Eigen::Index at = patch.x0 - all.x0 + first;
+        kernels.col(static_cast<Eigen::Index>(k)).segment(at, last - first) =
+            row.segment(first, last - first).matrix();
+        begin = std::min(begin, at), end = std::max(end, at + last - first);
+      }
+      if (begin >= end) continue;
+      const float* sums = level.sums.data() + (static_cast<std::size_t>(ky + level.reachY) * level.nodesX() +
+                                               static_cast<std::size_t>(all.x0 + begin + level.reachX)) *
+                                                  stride_;
+      const Eigen::Map<const Eigen::MatrixXf> block(sums, static_cast<Eigen::Index>(stride_), end - begin);
+      sum.noalias() += block * kernels.middleRows(begin, end - begin);
+    }
+    for (std::size_t k = 0; k < member.size(); ++k)
+      response.col(static_cast<Eigen::Index>(member[k])) += sum.col(static_cast<Eigen::Index>(k));
+  }
+}
+
+void ScreenIntegrator::respond(const std::vector<Query>& group, GroupResponse& out) const {
+  const auto points = static_cast<Eigen::Index>(group.size());
+  out.diffuse.setZero(static_cast<Eigen::Index>(stride_), points);
+  out.specular.setZero(static_cast<Eigen::Index>(stride_), points);
+  std::vector<Frame> frames;
+  std::vector<Patch> diffuse, lobe[2];
+  std::vector<double> lambertian(group.size(), 0.0), sigma[2];
+  constexpr Patch kNothing{0, 0, -1, 0, -1, true};
+  for (const Query& query : group) {
+    const Frame& frame = frames.emplace_back(frameOf(query.pointMm, query.toView, query.material));
+    const bool seen = frame.normal.dot(frame.view) > 0;
+    diffuse.push_back(seen && (query.material.diffuse > 0).any() ? diffusePatch(frame) : kNothing);
+    const bool shiny = seen && (query.material.specular > 0).any();
+    const std::array<double, 2> sigmas = lobeSigmas(query.material);
+    for (std::size_t l = 0; l < 2; ++l) {
+      sigma[l].push_back(sigmas[l]);
+      lobe[l].push_back(shiny ? lobePatch(frame, sigmas[l]) : kNothing);
+    }
+  }
+  accumulate(frames, diffuse, lambertian, out.diffuse);
+  for (std::size_t l = 0; l < 2; ++l) accumulate(frames, lobe[l], sigma[l], out.specular);
 }
 
 PointResponse ScreenIntegrator::respond(const Eigen::Vector3d& pointMm, const Eigen::Vector3d& toView,
                                         const SheetPoint& material) const {
-  PointResponse response{Eigen::ArrayXf::Zero(static_cast<Eigen::Index>(stride_)),
-                         Eigen::ArrayXf::Zero(static_cast<Eigen::Index>(stride_))};
-  const Frame frame = frameOf(pointMm, toView, material);
-  if (frame.normal.dot(frame.view) > 0) {
-    if ((material.diffuse > 0).any()) accumulate(frame, diffusePatch(frame), 0, response.diffuse);
-    if ((material.specular > 0).any())
-      for (double sigma : lobeSigmas(material))
-        accumulate(frame, lobePatch(frame, sigma), sigma, response.specular);
-  }
-  return response;
+  GroupResponse response;
+  respond({{pointMm, toView, material}}, response);
+  return {response.diffuse.col(0).array(), response.specular.col(0).array()};
 }
 
 }  // namespace patina

@@ -58,6 +58,19 @@ class ScreenIntegrator {
   PointResponse respond(const Eigen::Vector3d& pointMm, const Eigen::Vector3d& toView,
                         const SheetPoint& material) const;
 
+  /// One point of a group.
+  struct Query {
+    Eigen::Vector3d pointMm, toView;
+    SheetPoint material;
+  };
+  /// Responses of several points, a column each. What `respond` gives but for rounding; neighbours share
+  /// their nodes, so that the sums are read once for all of them: some ten times as fast a point for sixteen
+  /// neighbours. Thread-safe once prepared.
+  struct GroupResponse {
+    Eigen::MatrixXf diffuse, specular;  ///< patternCount() (and a few rows of padding) x points
+  };
+  void respond(const std::vector<Query>& group, GroupResponse& out) const;
+
  private:
   /// A rectangle of nodes, inclusive, and the level that it lives on.
   struct Patch {
@@ -87,7 +100,11 @@ class ScreenIntegrator {
   Patch wholeScreen(double scale, double nodesPerScale) const;
   /// Largest rate of change of the half-vector's slope with the screen point.
   double slopePerUnit(const Frame& frame, const Eigen::Vector2d& x) const;
-  void accumulate(const Frame& frame, const Patch& patch, double slopeSigma, Eigen::ArrayXf& response) const;
+  class KernelRow;
+  /// Adds one part (slopeSigma[i] 0: the Lambertian term; else a Gaussian of the lobe) of all points to their
+  /// columns.
+  void accumulate(const std::vector<Frame>& frames, const std::vector<Patch>& patches,
+                  const std::vector<double>& slopeSigma, Eigen::MatrixXf& response) const;
   void fillFinest(Level& level, std::size_t firstFrequency, std::size_t endFrequency,
                   const std::stop_token& stop) const;
 

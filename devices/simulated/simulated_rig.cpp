@@ -21,6 +21,7 @@ namespace patina {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+constexpr int kPixelsTogether = 16;  ///< of a row: near enough for their lobes to share most of their nodes
 
 /// Rows are x right, y down, z forward of a camera at `from` that looks at `at` with +y of the world up.
 Eigen::Matrix3d lookAt(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {
@@ -249,22 +250,37 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
   arena.execute([&] {
     tbb::parallel_for(0, height, [&](int y) {
       Eigen::ArrayX3f light(integrator.patternCount(), 3);
-      for (int x = 0; x < width; ++x) {
+      std::vector<ScreenIntegrator::Query> group;
+      std::vector<int> pixelOf;
+      ScreenIntegrator::GroupResponse response;
+      for (int begin = 0; begin < width; begin += kPixelsTogether) {
         if (job.cancelled()) return;
-        light.setZero();
-        for (const Eigen::Vector3d& point : pixelSamples(rig.camera, x, y, side)) {
-          const SheetPoint material = sampler.at(point.x(), point.y());
-          const PointResponse response = integrator.respond(point, (eye - point).normalized(), material);
-          for (int c = 0; c < 3; ++c)
-            light.col(c) += (static_cast<float>(material.diffuse[c]) * response.diffuse +
-                             static_cast<float>(material.specular[c]) * response.specular)
-                                .head(integrator.patternCount());
-        }
-        light *= 1.0f / static_cast<float>(side * side);
-        for (int c = 0; c < 3; ++c) {
-          exposure.pixel(0, x, y)[c] = light(windowColumn, c);
-          exposure.pixel(1, x, y)[c] = 0.0f;
-          for (int p = 0; p < windowColumn; ++p) exposure.pixel(2 + p, x, y)[c] = light(p, c);
+        const int end = std::min(width, begin + kPixelsTogether);
+        group.clear(), pixelOf.clear();
+        for (int x = begin; x < end; ++x)
+          for (const Eigen::Vector3d& point : pixelSamples(rig.camera, x, y, side)) {
+            group.push_back({point, (eye - point).normalized(), sampler.at(point.x(), point.y())});
+            pixelOf.push_back(x);
+          }
+        integrator.respond(group, response);
+        std::size_t next = 0;
+        for (int x = begin; x < end; ++x) {
+          light.setZero();
+          for (; next < group.size() && pixelOf[next] == x; ++next) {
+            const SheetPoint& material = group[next].material;
+            const auto column = static_cast<Eigen::Index>(next);
+            for (int c = 0; c < 3; ++c)
+              light.col(c) += (static_cast<float>(material.diffuse[c]) * response.diffuse.col(column) +
+                               static_cast<float>(material.specular[c]) * response.specular.col(column))
+                                  .head(integrator.patternCount())
+                                  .array();
+          }
+          light *= 1.0f / static_cast<float>(side * side);
+          for (int c = 0; c < 3; ++c) {
+            exposure.pixel(0, x, y)[c] = light(windowColumn, c);
+            exposure.pixel(1, x, y)[c] = 0.0f;
+            for (int p = 0; p < windowColumn; ++p) exposure.pixel(2 + p, x, y)[c] = light(p, c);
+          }
         }
       }
       job.progress("expose", ++rowsDone, height, "rows");
