@@ -21,6 +21,7 @@
 #include "engine/capture/capture.h"
 #include "engine/fourier/fit.h"
 #include "engine/image/exr.h"
+#include "tests/bench/bench_capture.h"
 
 namespace patina::bench {
 namespace {
@@ -48,8 +49,8 @@ Result<SimulatedCaptureReport> simulateBundle(const fs::path& folder, int pixels
                          job);
 }
 
-// The bundle that is measured: the one asked for, else a simulated one, made once and kept in the build
-// folder.
+}  // namespace
+
 const Result<FourierCapture>& benchCapture() {
   static const Result<FourierCapture> capture = []() -> Result<FourierCapture> {
     const std::string asked = environment("PATINA_BENCH_BUNDLE");
@@ -68,6 +69,8 @@ const Result<FourierCapture>& benchCapture() {
   }();
   return capture;
 }
+
+namespace {
 
 // The most memory that this process held at once, since `forgetPeak`. 0 where the system doesn't tell.
 double peakMebibytes() {

@@ -1,0 +1,117 @@
+#include "tests/results/machine_rate.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <thread>
+#include <vector>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "tests/results/machine_rate.cpp"
+#include <hwy/foreach_target.h>
+// after foreach_target
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace patina::test::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Independent chains: a unit starts two multiply-adds a cycle and each takes four or five, so that ten would
+/// do; twelve fit into the sixteen registers of the older instruction sets.
+constexpr int kChains = 12;
+
+/// `rounds` multiply-adds in each lane of each chain; returns a number so that nothing is optimised away.
+HWY_NOINLINE float Spin(std::size_t rounds) {
+  const hn::ScalableTag<float> tag;
+  const auto factor = hn::Set(tag, 0.999999f), term = hn::Set(tag, 1e-6f);
+  auto a = hn::Set(tag, 1.0f), b = a, c = a, d = a, e = a, f = a, g = a, h = a, i = a, j = a, k = a, l = a;
+  for (std::size_t r = 0; r < rounds; ++r) {
+    a = hn::MulAdd(a, factor, term), b = hn::MulAdd(b, factor, term), c = hn::MulAdd(c, factor, term);
+    d = hn::MulAdd(d, factor, term), e = hn::MulAdd(e, factor, term), f = hn::MulAdd(f, factor, term);
+    g = hn::MulAdd(g, factor, term), h = hn::MulAdd(h, factor, term), i = hn::MulAdd(i, factor, term);
+    j = hn::MulAdd(j, factor, term), k = hn::MulAdd(k, factor, term), l = hn::MulAdd(l, factor, term);
+  }
+  auto sum = hn::Add(hn::Add(hn::Add(a, b), hn::Add(c, d)), hn::Add(hn::Add(e, f), hn::Add(g, h)));
+  sum = hn::Add(sum, hn::Add(hn::Add(i, j), hn::Add(k, l)));
+  return hn::GetLane(hn::SumOfLanes(tag, sum));
+}
+
+int LaneCount() {
+  return static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
+}
+const char* TargetName() {
+  return hwy::TargetName(HWY_TARGET);
+}
+
+}  // namespace patina::test::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace patina::test {
+
+HWY_EXPORT(Spin);
+HWY_EXPORT(LaneCount);
+HWY_EXPORT(TargetName);
+
+namespace {
+
+constexpr int kChainCount = 12;
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Runs `work(thread)` on so many threads, all at once; seconds from the first start to the last end.
+template <typename Work>
+double together(int threads, const Work& work) {
+  const double start = now();
+  std::vector<std::jthread> others;
+  for (int t = 1; t < threads; ++t) others.emplace_back([&, t] { work(t); });
+  work(0);
+  others.clear();
+  return now() - start;
+}
+
+std::atomic<float> sink{0};
+
+double multiplyAdds(int threads, int lanes) {
+  constexpr std::size_t kRounds = 20'000'000;
+  double best = 0;
+  for (int attempt = 0; attempt < 3; ++attempt) {  // the best: others on the machine only slow it down
+    const double seconds = together(threads, [](int) { sink = sink + HWY_DYNAMIC_DISPATCH(Spin)(kRounds); });
+    best = std::max(best, static_cast<double>(kRounds) * kChainCount * lanes * threads / seconds);
+  }
+  return best;
+}
+
+double memoryBytes(int threads) {
+  constexpr std::size_t kFloats = std::size_t{48} << 20;  // 192 MiB an array
+  std::vector<float> from(kFloats, 1.0f), to(kFloats, 0.0f);
+  double best = 0;
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const double seconds = together(threads, [&](int t) {
+      const std::size_t begin = kFloats * t / threads, end = kFloats * (t + 1) / threads;
+      float *a = to.data(), *b = from.data();
+      for (std::size_t i = begin; i < end; ++i) a[i] += 0.5f * b[i];
+    });
+    best = std::max(best, 3.0 * sizeof(float) * kFloats / seconds);
+  }
+  sink = sink + to[kFloats / 2];
+  return best;
+}
+
+}  // namespace
+
+MachineRate measureMachine(int threads) {
+  MachineRate rate;
+  rate.lanes = HWY_DYNAMIC_DISPATCH(LaneCount)();
+  rate.instructions = HWY_DYNAMIC_DISPATCH(TargetName)();
+  rate.multiplyAddsPerSecond = multiplyAdds(1, rate.lanes);
+  rate.allCoresMultiplyAddsPerSecond = multiplyAdds(threads, rate.lanes);
+  rate.bytesPerSecond = memoryBytes(threads);
+  return rate;
+}
+
+}  // namespace patina::test
+#endif

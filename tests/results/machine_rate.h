@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+namespace patina::test {
+
+/// What the machine can do, measured now: the floor under any kernel's time.
+struct MachineRate {
+  double multiplyAddsPerSecond = 0;  ///< of single-precision lanes, one core; one multiply-add counts as one
+  double allCoresMultiplyAddsPerSecond = 0;  ///< with all `threads` at once
+  double bytesPerSecond = 0;  ///< a + s b over arrays beyond any cache, all threads: read and written
+  int lanes = 0;
+  std::string instructions;  ///< "AVX3", "AVX2", ...
+};
+
+/// Multiply-adds over registers in the widest vectors that the solver may use, then a sweep over memory.
+/// Takes about a second. `threads` > 0.
+MachineRate measureMachine(int threads);
+
+}  // namespace patina::test
