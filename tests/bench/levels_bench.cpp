@@ -1,6 +1,7 @@
 // The regularised coarse levels: the same coupled problem of a made-up sheet solved by our
 // Levenberg-Marquardt with conjugate gradients (what the engine uses), by the same with Eigen's sparse LDL^T,
-// and by Ceres with both kinds of linear solver. All start alike and must end at the same cost.
+// and by Ceres with its sparse Cholesky (its conjugate gradients stop above the others' cost and are left
+// out). All start alike and must end at the same cost.
 //
 // patina-bench --benchmark_filter=Level
 #include <benchmark/benchmark.h>
