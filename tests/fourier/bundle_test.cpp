@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "engine/fourier/fit_state.h"
+#include "tests/fourier/clean_bounds.h"
 #include "tests/results/truth_compare.h"
 #include "tests/test_data.h"
 
@@ -26,39 +27,14 @@ std::shared_ptr<const FourierFit> fitBundle(const std::string& name, const Fouri
   return *fit;
 }
 
-/// Median errors that an independent implementation of the model stays within; diffuse is an absolute albedo,
-/// specular and sigma are relative.
-struct Bounds {
-  const char* bundle;
-  double diffuse, specular, sigma, normalDeg, heldOutOverNoise;
-};
-class CleanBundle : public testing::TestWithParam<Bounds> {};
+class CleanBundle : public testing::TestWithParam<CleanBounds> {};
 
 TEST_P(CleanBundle, IsWithinBounds) {
-  const Bounds& bounds = GetParam();
-  PATINA_NEEDS_SHARED("fourier/" + std::string(bounds.bundle));
-  const auto fit = fitBundle(bounds.bundle);
-  ASSERT_TRUE(fit);
-  const auto truth = readTruth(sharedData() / "fourier" / bounds.bundle);
-  ASSERT_TRUE(truth.ok()) << truth.error().sentence();
-  const TruthErrors errors = compareWithTruth(fit->maps(), *truth);
-  ASSERT_GT(errors.compared, 2000u);
-  EXPECT_LE(errors.diffuseAbsolute.median, bounds.diffuse);
-  EXPECT_LE(errors.specular.median, bounds.specular);
-  EXPECT_LE(errors.sigma.median, bounds.sigma);
-  EXPECT_LE(errors.normalDeg.median, bounds.normalDeg);
-  EXPECT_LE(fit->stats().holdoutRms / fit->stats().noiseFloorHoldout, bounds.heldOutOverNoise);
-  EXPECT_GT(fit->stats().holdoutRms / fit->stats().noiseFloorHoldout,
-            0.97);  // below the noise: the figure itself would be wrong
-  RecordProperty("diffuse", std::to_string(errors.diffuseAbsolute.median));
-  RecordProperty("specular", std::to_string(errors.specular.median));
-  RecordProperty("sigma", std::to_string(errors.sigma.median));
-  RecordProperty("normal", std::to_string(errors.normalDeg.median));
+  PATINA_NEEDS_SHARED("fourier/" + std::string(GetParam().bundle));
+  expectWithinBounds(GetParam());
 }
 
-INSTANTIATE_TEST_SUITE_P(Fourier, CleanBundle,
-                         testing::Values(Bounds{"clean_laminate", 0.004, 0.025, 0.018, 0.08, 1.035},
-                                         Bounds{"clean_cardstock", 0.02, 0.18, 0.12, 0.75, 1.02}),
+INSTANTIATE_TEST_SUITE_P(Fourier, CleanBundle, testing::Values(kCleanLaminate, kCleanCardstock),
                          [](const auto& info) { return std::string(info.param.bundle); });
 
 class MeasuredBundle : public testing::TestWithParam<const char*> {};
