@@ -110,11 +110,20 @@ int runFit(FitArguments& arguments, Context& context) {
 
   const FourierFitStorage storage = storageBeside(arguments.out);
   Result<std::shared_ptr<const FourierFit>> fit = fitFourier(*capture, options, job, storage);
-  if (!fit) return context.fail(fit.error());
+  if (!fit) {
+    // What was finished is of use to the same fit of the same photographs only; bad input will be others.
+    if (fit.error().code != ErrorCode::Cancelled) removeUnfinished(storage.keepFolder);
+    return context.fail(fit.error());
+  }
   const FourierFit& fitted = **fit;
   context.console.finishProgress();
   Status written = writeFourierFit(arguments.out, fitted);
-  if (!written) return context.fail(written.error());
+  if (!written) {
+    if (fs::exists(storage.keepFolder))
+      context.console.complain("The fitted texels wait in " + storage.keepFolder.string() +
+                               ": the same command goes on from there once there is room.");
+    return context.fail(written.error());
+  }
   if (!fitted.stats().cancelled) removeUnfinished(storage.keepFolder);
   if (fitted.stats().resumedTexels > 0) {
     context.console.say("Resumed: " + std::to_string(fitted.stats().resumedTexels) +

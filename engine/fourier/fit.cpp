@@ -124,9 +124,12 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   }
   solveSheet(*state, job);  // stages "levels" and "solve"
   if (const auto failure = m.store.failure()) return *failure;
-  if (const auto failure = state->finished.failure())
-    job.warn("a fit that is stopped now starts over: " + failure->sentence());
+  const auto notKept = state->finished.failure();
   state->finished = {};  // lets go of the file: the next fit may want it while this one is looked at
+  if (notKept) {
+    job.warn("a fit that is stopped now starts over: " + notKept->sentence());
+    removeUnfinished(storage.keepFolder);
+  }
   if (state->stats.texels == 0) {
     if (job.cancelled())
       return Error{ErrorCode::Cancelled, "the fit was cancelled before any texel was done", "", ""};

@@ -112,8 +112,8 @@ TEST(CliFit, LeavesWhatTheContractSays) {
   EXPECT_THAT(finished.out, HasSubstr("Peak memory, MiB"));
   EXPECT_THAT(finished.out, HasSubstr("Texel 3,4"));
   EXPECT_THAT(finished.out, HasSubstr("residual/noise"));
-  EXPECT_EQ(test::everythingIn(folder / "new").size(), 10u)
-      << "out, maps, seven maps, fit.json and nothing hidden";
+  EXPECT_EQ(test::everythingIn(folder / "new").size(), 15u)
+      << "out, maps, seven maps, five of standard deviations, fit.json and nothing hidden";
 }
 
 TEST(CliFit, ProgressIsOneJsonObjectALine) {

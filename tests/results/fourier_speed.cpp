@@ -109,7 +109,9 @@ struct Measured {
   std::map<std::string, double> seconds;
   double texels = 0, steps = 0, fitRms = 0, noiseFloor = 0, peakMib = 0, operations = 0;
   double total() const { return seconds.contains("total") ? seconds.at("total") : 0; }
-  double solve() const { return seconds.contains("solve") ? seconds.at("solve") : 0; }
+  double stage(const char* name) const { return seconds.contains(name) ? seconds.at(name) : 0; }
+  /// The coarse levels and every texel.
+  double solve() const { return stage("levels") + stage("solve"); }
 };
 
 /// Operations of one step of a site for this capture's frequencies, as the engine counts them.
@@ -242,7 +244,8 @@ struct Run {
 };
 
 void writeTable(std::ostream& out, const std::vector<Run>& runs, int threads, bool* within) {
-  out << "| pixels | texels | read | levels | solve | maps | predict | files to maps, s | texels/s, all | "
+  out << "| pixels | texels | read | of the solve, levels | solve, in all | maps | predict | files to maps, "
+         "s | texels/s, all | "
          "us a texel, all | steps a texel | fit rms / noise | peak, MiB |\n"
          "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n";
   for (const Run& run : runs) {
@@ -255,7 +258,7 @@ void writeTable(std::ostream& out, const std::vector<Run>& runs, int threads, bo
     const bool bound = run.pixels == kPaperSize;
     out << "| " << run.pixels << " x " << run.pixels << " | " << number(m.texels, 0) << " | " << stage("read")
         << " | " << stage("levels") << " | "
-        << (bound ? bounded(m.solve(), 2, kSolveBound, true, within) : stage("solve")) << " | "
+        << (bound ? bounded(m.solve(), 2, kSolveBound, true, within) : number(m.solve(), 2)) << " | "
         << stage("maps") << " | " << stage("predict") << " | "
         << (bound ? bounded(m.total(), 1, kTotalBound, true, within) : number(m.total(), 1)) << " | "
         << number(m.texels / m.total(), 0) << " | " << number(1e6 * m.total() / m.texels, 1) << " | "
@@ -397,7 +400,7 @@ void writeMachine(std::ostream& out, const MachineRate& rate, const std::vector<
           << bounded(step * rate.multiplyAddsPerSecond * 2 / m.operations, 1, kFloorBound, true, within)
           << " |\n";
     }
-    const double step = m.solve() * threads / (m.texels * m.steps);
+    const double step = m.stage("solve") * threads / (m.texels * m.steps);
     out << "| everything in the stage `solve` at " << run.pixels << " x " << run.pixels << " | "
         << number(1e6 * step, 3) << " | " << number(step * perCore * 2 / m.operations, 1) << " |\n";
     break;

@@ -150,6 +150,7 @@ void writeErrorAgainstImages(TwoShotPage& page) {
       line.points.emplace_back(n, mean(errors));
       found[series.name + "/" + std::to_string(n)] = mean(errors);
       found[series.name + "/" + std::to_string(n) + "/worst"] = worst;
+      found[series.name + "/" + std::to_string(n) + "/training"] = plan.expected.training;
       page.text << "| " << series.name << ", " << n << " | "
                 << (series.metric == ExpectedError ? "expected error" : "condition number") << " | "
                 << number(plan.expected.training) << " | " << number(mean(errors)) << " | " << number(worst)
@@ -165,22 +166,28 @@ void writeErrorAgainstImages(TwoShotPage& page) {
                   "RMS, natural-log units", ticks, 0.8, lines);
   page.text << "\n![Error against the number of images](images/two_shot_error.svg)\n\n";
 
-  // Bounds: the specification's, for directions that a search finds; ours are on the plain networks.
+  // Training: the specification's bounds on what a search finds. Unseen: ours, on the plain networks.
   struct Bound {
     const char* key;
     double bound;
     const char* what;
   };
-  page.text << "The specification's bounds belong to networks corrected with measured slices, which can't "
-               "ship. Two images reach 0.217 there; on the\n"
-               "plain networks, with our ten, the bound is ours.\n\n";
+  page.text
+      << "The search is held to the training error that it finds; what its directions are worth for the "
+         "unseen "
+         "ten is held for two images. The\n"
+         "independent implementation's figures belong to networks corrected with measured slices, which "
+         "can't ship, and to another ten: unseen, it has 0.146\n"
+         "for 20 points, 0.256 for a fixed camera, 0.217 and at most 0.45 for two images.\n\n";
   page.text << "| bound | allowed | reached |\n| --- | ---: | ---: |\n";
   for (const Bound& bound :
-       {Bound{"points/5", 0.27, "5 points"}, Bound{"points/20", 0.155, "20 points"},
-        Bound{"fixed camera, 25 degrees/2", 0.27, "fixed camera, 2 images"},
-        Bound{"25 degrees/2", 0.26, "2 images of 25 degrees, mean (0.22 on the corrected networks)"},
-        Bound{"25 degrees/2/worst", 0.55,
-              "2 images of 25 degrees, worst (0.45 on the corrected networks)"}}) {
+       {Bound{"25 degrees/1/training", 0.345, "1 image of 25 degrees, training"},
+        Bound{"25 degrees/2/training", 0.207, "2 images of 25 degrees, training"},
+        Bound{"points/5/training", 0.27, "5 points, training"},
+        Bound{"points/20/training", 0.155, "20 points, training"},
+        Bound{"fixed camera, 25 degrees/2/training", 0.27, "fixed camera, 2 images, training"},
+        Bound{"25 degrees/2", 0.26, "2 images of 25 degrees, unseen, mean"},
+        Bound{"25 degrees/2/worst", 0.55, "2 images of 25 degrees, unseen, worst"}}) {
     const auto at = found.find(bound.key);
     if (at == found.end()) continue;
     const bool beyond = at->second > bound.bound;

@@ -119,6 +119,7 @@ TEST(ProgressEstimate, LearnsFromTheLastRun) {
   // As a fit writes them. Reading took nine tenths: when it is half done, 45 % of the time is over.
   ProgressEstimate estimate({{"read", 9.0},
                              {"geometry", 0.0},
+                             {"levels", 0.0},
                              {"solve", 0.5},
                              {"maps", 0.1},
                              {"predict", 0.3},
@@ -135,6 +136,7 @@ TEST(ProgressEstimate, CountsEverySecondOfTheLastRunOnce) {
   // A fit of 100 s: where each stage ends is known.
   ProgressEstimate estimate({{"read", 10.0},
                              {"geometry", 2.0},
+                             {"levels", 0.0},
                              {"solve", 60.0},
                              {"maps", 3.0},
                              {"predict", 20.0},
