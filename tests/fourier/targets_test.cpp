@@ -1,5 +1,5 @@
 // The accuracy bounds of the clean bundles, held for every instruction set that this machine has. The bundle
-// is chosen by the build: the quick one runs with every test, the other with the slow ones.
+// is chosen by the build.
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
@@ -29,8 +29,8 @@ TEST_P(EveryInstructionSet, KeepsTheBoundsOfACleanBundle) {
   expectWithinBounds(bounds);
 }
 
-INSTANTIATE_TEST_SUITE_P(Fourier, EveryInstructionSet, testing::ValuesIn(hwy::SupportedAndGeneratedTargets()),
-                         [](const auto& info) {
+INSTANTIATE_TEST_SUITE_P(PATINA_TARGETS_NAME, EveryInstructionSet,
+                         testing::ValuesIn(hwy::SupportedAndGeneratedTargets()), [](const auto& info) {
                            std::string name = hwy::TargetName(info.param);
                            std::replace_if(
                                name.begin(), name.end(), [](char c) { return !std::isalnum(c); }, '_');
