@@ -151,11 +151,11 @@ MapPanel::MapPanel(Document* document, PhotoLibrary* library, QWidget* parent)
   auto* tabRow = new QHBoxLayout;
   tabRow->setContentsMargins(6, 0, 6, 0);
   tabRow->addWidget(tabs_, 1);
-  tabRow->addWidget(uncertainty_);
   column->addLayout(tabRow);
   auto* captionRow = new QHBoxLayout;
   captionRow->setContentsMargins(12, 0, 8, 0);
-  captionRow->addWidget(caption_);
+  captionRow->addWidget(caption_, 1);
+  captionRow->addWidget(uncertainty_);
   column->addLayout(captionRow);
   column->addLayout(middle, 1);
   column->addLayout(foot);
