@@ -59,7 +59,7 @@ double secondsOf(const auto& work) {
 }
 
 // Counters: microseconds a texel of each (all three starts), their ratio, the share of texels whose cost is
-// no higher than the baseline's, and the baseline's and our mean cost.
+// no higher than the baseline's, and the baseline's and our mean cost; microseconds a step of ours.
 void BM_TexelAgainstCeres(benchmark::State& state) {
   const Result<FourierCapture>& capture = benchCapture();
   if (!capture) return state.SkipWithError(capture.error().sentence().c_str());
@@ -106,6 +106,19 @@ void BM_TexelAgainstCeres(benchmark::State& state) {
     notWorse += ours[i] <= theirs[i] * (1 + kEqualCost);
     ourCost += ours[i], theirCost += theirs[i];
   }
+  // A step by itself: enough texels that lanes don't run idle.
+  constexpr int kMany = 2048;
+  std::vector<std::uint32_t> many;
+  for (int i = 0; i < kMany; ++i) many.push_back(static_cast<std::uint32_t>(random() % count));
+  const Tile manyTile(**sheet, many, false);
+  const std::vector<LobeParameters> manyStarts(many.size(),
+                                               {std::log(kStartSigma[0]), std::log(0.03f), 0, 0});
+  std::vector<SiteSolution> manyFound(many.size());
+  const double manySeconds = secondsOf([&] { solveSites(setup, manyTile.data, manyStarts, manyFound); });
+  double manySteps = 0;
+  for (const SiteSolution& found : manyFound) manySteps += found.iterations;
+  state.counters["us_step"] = 1e6 * manySeconds / manySteps;
+
   const auto n = static_cast<double>(sites.size());
   state.counters["us_texel"] = 1e6 * ourSeconds / runs;
   state.counters["us_texel_ceres"] = 1e6 * theirSeconds / runs;
