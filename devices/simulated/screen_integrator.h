@@ -64,8 +64,7 @@ class ScreenIntegrator {
     SheetPoint material;
   };
   /// Responses of several points, a column each. What `respond` gives but for rounding; neighbours share
-  /// their nodes, so that the sums are read once for all of them: some ten times as fast a point for sixteen
-  /// neighbours. Thread-safe once prepared.
+  /// their nodes, so that the sums are read once for all of them. Thread-safe once prepared.
   struct GroupResponse {
     Eigen::MatrixXf diffuse, specular;  ///< patternCount() (and a few rows of padding) x points
   };

@@ -108,7 +108,8 @@ class SheetSolver {
   /// fit shows of texels whose turn never came.
   void start() {
     const Result<LevelSolution> levels = solveLevels(state_, setup_, job_);
-    if (!levels) return;  // cancelled
+    if (!levels)
+      return;  // a stop; or the scratch file's failure, which the fit asks the store for at the end
     upsampleToSites(state_, *levels, solution_, job_);
     for (std::size_t s = 0; s < solution_.size(); ++s)
       hasStart_[s] =
