@@ -1,12 +1,15 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "engine/base/result.h"
 
 namespace patina {
+
+struct FourierCorrections;
 
 /// Which approximation maps the specular lobe onto the screen.
 enum class LobeMapping {
@@ -46,6 +49,9 @@ struct FourierFitOptions {
   std::uint64_t memoryLimitBytes = std::uint64_t{4}
                                    << 30;  ///< measurements beyond it wait in a file on disk; maps that would
                                            ///< not fit are made coarser, with a warning
+
+  /// What else is known to act on this capture; null: nothing. Not written to fit.json.
+  std::shared_ptr<const FourierCorrections> corrections;
 
   bool operator==(const FourierFitOptions&) const = default;
   /// Every problem with the values, not only the first; empty when usable.
