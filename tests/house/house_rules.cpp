@@ -26,7 +26,7 @@ const std::map<std::string, std::set<std::string>> kMayEnter = {
 // Rooms of engine/, in the order in which a photograph walks through them. A room includes itself and rooms
 // of a lower number.
 const std::map<std::string, int> kEngineOrder = {
-    {"base", 0},    {"image", 1},       {"geometry", 2}, {"effect", 2},  {"screen", 3},
+    {"base", 0},    {"image", 1},       {"geometry", 2}, {"effect", 1},  {"screen", 3},
     {"light", 3},   {"brdf", 3},        {"surface", 4},  {"lens", 5},    {"sensor", 6},
     {"capture", 7}, {"calibration", 8}, {"fourier", 8},  {"twoshot", 8}, {"flash", 8},
     {"render", 9},  {"diagnosis", 10},  {"export", 10},  {"report", 11},
