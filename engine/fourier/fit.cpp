@@ -116,11 +116,7 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   }
   {
     const StageClock timer(state->stats, "geometry");
-    std::vector<Eigen::Vector2d> frequencies = {Eigen::Vector2d::Zero()};
-    for (const auto& group : m.plan.fitted) frequencies.push_back(group.frequency.cast<double>());
-    state->diffuse = std::make_unique<DiffuseTransform>(
-        state->frame, Eigen::Vector2d(capture.sampleWidthMm, capture.sampleHeightMm), frequencies,
-        state->diffuseMethod());
+    state->makeDiffuse();
   }
   solveSheet(*state, job);  // stages "levels" and "solve"
   if (const auto failure = m.store.failure()) return *failure;
@@ -170,6 +166,13 @@ FourierFitState::Weights FourierFitState::weights(std::size_t site) const {
     }
   }
   return out;
+}
+
+void FourierFitState::makeDiffuse() {
+  std::vector<Eigen::Vector2d> frequencies = {Eigen::Vector2d::Zero()};
+  for (const auto& group : measurements.plan.fitted) frequencies.push_back(group.frequency.cast<double>());
+  diffuse = std::make_unique<DiffuseTransform>(
+      frame, Eigen::Vector2d(capture.sampleWidthMm, capture.sampleHeightMm), frequencies, diffuseMethod());
 }
 
 void removeUnfinished(const std::filesystem::path& keepFolder) {

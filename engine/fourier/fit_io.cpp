@@ -168,6 +168,7 @@ Result<std::unique_ptr<FourierFitState>> loadState(const std::filesystem::path& 
   state->maps = std::move(*maps);
   state->maps.widthMm = widthMm;
   state->maps.heightMm = heightMm;
+  state->makeDiffuse();
   // The maps are what was kept; each measured point takes its texel's values.
   const SiteSet& set = state->measurements.sites;
   state->sites.resize(set.size());

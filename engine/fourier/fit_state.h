@@ -41,6 +41,8 @@ struct FourierFitState {
   DiffuseMethod diffuseMethod() const {
     return options.lobe == LobeMapping::PaperAffine ? DiffuseMethod::PaperMixture : DiffuseMethod::Quadrature;
   }
+  /// Fills `diffuse` once capture, options, frame and measurements are there.
+  void makeDiffuse();
   /// The site nearest to a map texel; -1 where no photograph sees it.
   std::int64_t siteOfTexel(int texelX, int texelY) const;
 };

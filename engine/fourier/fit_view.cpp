@@ -1,8 +1,9 @@
 // What a finished fit answers: parameters, spectra and lobes of single texels.
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 
-#include "engine/fourier/fit_state.h"
+#include "engine/fourier/fit_access.h"
 
 namespace patina {
 namespace {
@@ -17,6 +18,7 @@ class FinishedFit final : public FourierFit {
   const FourierFitStats& stats() const override { return state_->stats; }
   const FourierCapture& capture() const override { return state_->capture; }
   const FourierFitOptions& options() const override { return state_->options; }
+  const FourierFitState& state() const { return *state_; }
 
   SvbrdfParameters parametersAt(int texelX, int texelY) const override {
     const auto site = state_->siteOfTexel(texelX, texelY);
@@ -179,6 +181,12 @@ class FinishedFit final : public FourierFit {
 };
 
 }  // namespace
+
+const FourierFitState& fitState(const FourierFit& fit) {
+  const auto* finished = dynamic_cast<const FinishedFit*>(&fit);
+  if (!finished) throw std::invalid_argument("fitState: not a fit of fitFourier or loadFourierFit");
+  return finished->state();
+}
 
 std::shared_ptr<const FourierFit> makeFourierFit(std::unique_ptr<FourierFitState> state) {
   return std::make_shared<FinishedFit>(std::move(state));
