@@ -220,6 +220,11 @@ Status checkEncoding(const fs::path& folder, const std::string& text, const std:
 
 Result<Image> readLinear(const fs::path& folder, const std::string& photo, const std::string& encodingText,
                          const Camera& camera, double scale) {
+  return readLinear(folder, photo, encodingText, ImageSize{camera.width, camera.height}, scale);
+}
+
+Result<Image> readLinear(const fs::path& folder, const std::string& photo, const std::string& encodingText,
+                         std::optional<ImageSize> size, double scale) {
   const std::string where = (folder / photo).string();
   Result<PhotoEncoding> encoding = parseEncoding(encodingText, where);
   if (!encoding) return encoding.error();
@@ -228,7 +233,6 @@ Result<Image> readLinear(const fs::path& folder, const std::string& photo, const
   Result<std::string> bytes = readFile(*file, kMaxImageFileBytes);
   if (!bytes) return bytes.error();
 
-  const ImageSize size{camera.width, camera.height};
   const bool linear = encoding->kind == PhotoEncoding::Kind::Linear;
   Result<Image> image =
       linear ? readExrBytes(*bytes, where, {"R", "G", "B"}, size) : readPngBytes(*bytes, where, size);

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "engine/capture/json_reader.h"
 #include "engine/geometry/camera.h"
 #include "engine/image/image.h"
+#include "engine/image/image_size.h"
 
 /// What the readers of all kinds of bundle share. Functions that take a JsonObject throw JsonFault; the
 /// others return a Result. For this folder only.
@@ -57,5 +59,8 @@ Status checkEncoding(const std::filesystem::path& folder, const std::string& enc
 /// One photograph of the bundle in `folder`, decoded to linear, R G B, times `scale`, every pixel finite.
 Result<Image> readLinear(const std::filesystem::path& folder, const std::string& file,
                          const std::string& encoding, const Camera& camera, double scale);
+/// The same for a photograph whose size is known otherwise, or not at all.
+Result<Image> readLinear(const std::filesystem::path& folder, const std::string& file,
+                         const std::string& encoding, std::optional<ImageSize> expected, double scale);
 
 }  // namespace patina::capture_parts
