@@ -133,9 +133,10 @@ class PointTransform {
         const double x = node_[0][a] - site.footX, y = node_[1][b] - site.footY;
         const double lx = x - site.lightMeanX, ly = y - site.lightMeanY;
         const double distance2 = x * x + y * y + d * d;
-        const double value =
-            d / (std::numbers::pi * distance2 * distance2) * site.lightPeak *
-            std::exp(-0.5 * (site.lightPrecisionX * lx * lx + site.lightPrecisionY * ly * ly));
+        double value = d / (std::numbers::pi * distance2 * distance2) * site.lightPeak *
+                       std::exp(-0.5 * (site.lightPrecisionX * lx * lx + site.lightPrecisionY * ly * ly));
+        if (frame_.logEmission)
+          value *= std::exp(frame_.logEmission({node_[0][a], node_[1][b]}, {site.footX, site.footY}, d));
         field[0](a, b) = value * x;
         field[1](a, b) = value * y;
         field[2](a, b) = -value * d;
@@ -161,23 +162,64 @@ class PointTransform {
   Eigen::MatrixXcd phases_[2];
 };
 
+double chebyshevNode(int k, int count) {
+  return std::cos(std::numbers::pi * (k + 0.5) / count);
+}
+
 }  // namespace
 
 DiffuseTransform::DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
-                                   const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method)
+                                   const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method,
+                                   const SheetShape& shape)
     : frequencyCount_(static_cast<int>(frequencies.size())), halfSizeMm_(sampleSizeMm / 2) {
   const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
   std::vector<float> full(static_cast<std::size_t>(kNodes) * kNodes * stride);
   const PointTransform point(frame, frequencies, method);
-  auto cheb = [](int k) { return std::cos(std::numbers::pi * (k + 0.5) / kNodes); };
-  tbb::parallel_for(0, kNodes * kNodes, [&](int node) {
-    point.at({cheb(node % kNodes) * halfSizeMm_.x(), cheb(node / kNodes) * halfSizeMm_.y(), 0},
-             full.data() + static_cast<std::size_t>(node) * stride);
+  const auto node = [&](int i) {
+    return Eigen::Vector2d(chebyshevNode(i % kNodes, kNodes) * halfSizeMm_.x(),
+                           chebyshevNode(i / kNodes, kNodes) * halfSizeMm_.y());
+  };
+  tbb::parallel_for(0, kNodes * kNodes, [&](int i) {
+    point.at(shape.pointMm(node(i)), full.data() + static_cast<std::size_t>(i) * stride);
   });
-  compact(full);
+  findKept(full);
+  table_ = compacted(full);
+  if (!shape.heightMm) return;
+
+  // How far the sheet is from the surface through the nodes' heights.
+  heightMm_ = shape.heightMm;
+  for (int i = 0; i < kNodes * kNodes; ++i) nodeHeight_.push_back(heightMm_(node(i)));
+  constexpr int kProbes = 64;
+  double furthest = 0;
+  for (int j = 0; j <= kProbes; ++j)
+    for (int i = 0; i <= kProbes; ++i)
+      furthest = std::max(furthest, std::abs(restMm({(2.0 * i / kProbes - 1) * halfSizeMm_.x(),
+                                                     (2.0 * j / kProbes - 1) * halfSizeMm_.y()})));
+  // The transform's relative change with height is about one over the distance.
+  constexpr double kNegligible = 1e-5;
+  const double distanceMm = frame.unitMm * siteGeometry(frame, {0, 0, 0}, shape.cameraMm).distance;
+  if (furthest < kNegligible * distanceMm) {
+    heightMm_ = {};
+    nodeHeight_.clear();
+    return;
+  }
+  const double stepMm = std::max(0.25, furthest);
+  std::vector<float> above(full.size()), below(full.size());
+  tbb::parallel_for(0, 2 * kNodes * kNodes, [&](int task) {
+    const int i = task / 2;
+    SheetShape moved = shape;
+    moved.heightMm = [&, i](const Eigen::Vector2d&) {
+      return nodeHeight_[static_cast<std::size_t>(i)] + (task % 2 == 0 ? stepMm : -stepMm);
+    };
+    point.at(moved.pointMm(node(i)),
+             (task % 2 == 0 ? above : below).data() + static_cast<std::size_t>(i) * stride);
+  });
+  for (std::size_t i = 0; i < above.size(); ++i)
+    above[i] = (above[i] - below[i]) / static_cast<float>(2 * stepMm);
+  rest_ = compacted(above);
 }
 
-void DiffuseTransform::compact(const std::vector<float>& full) {
+void DiffuseTransform::findKept(const std::vector<float>& full) {
   // A millionth of the largest value there is: a thousandth of one photograph's noise.
   constexpr float kNegligible = 1e-6f;
   const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
@@ -189,11 +231,16 @@ void DiffuseTransform::compact(const std::vector<float>& full) {
   const float scale = largest.empty() ? 0 : *std::max_element(largest.begin(), largest.end());
   for (int f = 0; f < frequencyCount_; ++f)
     if (largest[static_cast<std::size_t>(f)] > kNegligible * scale) kept_.push_back(f);
-  table_.resize(static_cast<std::size_t>(kNodes) * kNodes * kept_.size() * 6);
-  float* to = table_.data();
+}
+
+std::vector<float> DiffuseTransform::compacted(const std::vector<float>& full) const {
+  const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
+  std::vector<float> out(static_cast<std::size_t>(kNodes) * kNodes * kept_.size() * 6);
+  float* to = out.data();
   for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
     for (const int f : kept_)
       to = std::copy_n(full.data() + node * stride + static_cast<std::size_t>(f) * 6, 6, to);
+  return out;
 }
 
 std::vector<char> DiffuseTransform::counts() const {
@@ -213,22 +260,29 @@ DiffuseTransform DiffuseTransform::select(const std::vector<int>& indices) const
     out.kept_.push_back(static_cast<int>(i));
     from.push_back(static_cast<std::size_t>(at - kept_.begin()));
   }
-  out.table_.resize(static_cast<std::size_t>(kNodes) * kNodes * from.size() * 6);
-  float* to = out.table_.data();
-  for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
-    for (const std::size_t f : from) to = std::copy_n(table_.data() + (node * kept_.size() + f) * 6, 6, to);
+  out.heightMm_ = heightMm_;
+  out.nodeHeight_ = nodeHeight_;
+  const auto pick = [&](const std::vector<float>& all, std::vector<float>& some) {
+    if (all.empty()) return;
+    some.resize(static_cast<std::size_t>(kNodes) * kNodes * from.size() * 6);
+    float* to = some.data();
+    for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
+      for (const std::size_t f : from) to = std::copy_n(all.data() + (node * kept_.size() + f) * 6, 6, to);
+  };
+  pick(table_, out.table_);
+  pick(rest_, out.rest_);
   return out;
 }
 
 std::vector<float> DiffuseTransform::atPoint(const ScreenFrame& frame, const Eigen::Vector2d& pointMm,
                                              const std::vector<Eigen::Vector2d>& frequencies,
-                                             DiffuseMethod method) {
+                                             DiffuseMethod method, const SheetShape& shape) {
   std::vector<float> out(frequencies.size() * 6);
-  PointTransform(frame, frequencies, method).at({pointMm.x(), pointMm.y(), 0}, out.data());
+  PointTransform(frame, frequencies, method).at(shape.pointMm(pointMm), out.data());
   return out;
 }
 
-void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
+void DiffuseTransform::nodeWeights(const Eigen::Vector2d& pointMm, float (&product)[kNodes * kNodes]) const {
   // Barycentric interpolation at Chebyshev points of the first kind.
   float weight[2][kNodes];
   for (int axis = 0; axis < 2; ++axis) {
@@ -245,15 +299,39 @@ void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
     for (int k = 0; k < kNodes; ++k)
       weight[axis][k] = static_cast<float>(exact >= 0 ? (k == exact ? 1.0 : 0.0) : raw[k] / sum);
   }
-  float product[kNodes * kNodes];
   for (int j = 0; j < kNodes; ++j)
     for (int i = 0; i < kNodes; ++i) product[j * kNodes + i] = weight[0][i] * weight[1][j];
+}
+
+double DiffuseTransform::restMm(const Eigen::Vector2d& pointMm) const {
+  if (!heightMm_) return 0;
+  float product[kNodes * kNodes];
+  nodeWeights(pointMm, product);
+  double smooth = 0;
+  for (std::size_t i = 0; i < nodeHeight_.size(); ++i)
+    smooth += static_cast<double>(product[i]) * nodeHeight_[i];
+  return heightMm_(pointMm) - smooth;
+}
+
+void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
+  at(pointMm, restMm(pointMm), out);
+}
+
+void DiffuseTransform::at(const Eigen::Vector2d& pointMm, double restMm, float* out) const {
+  float product[kNodes * kNodes];
+  nodeWeights(pointMm, product);
+  constexpr std::size_t kAll = static_cast<std::size_t>(kNodes) * kNodes;
   const std::size_t stride = kept_.size() * 6;
   const bool all = kept_.size() == static_cast<std::size_t>(frequencyCount_);
-  thread_local std::vector<float> sums;
+  thread_local std::vector<float> sums, rest;
   sums.resize(stride);
-  weightedNodeSum(table_.data(), product, static_cast<std::size_t>(kNodes) * kNodes, stride,
-                  all ? out : sums.data());
+  float* to = all ? out : sums.data();
+  weightedNodeSum(table_.data(), product, kAll, stride, to);
+  if (!rest_.empty() && restMm != 0) {
+    rest.resize(stride);
+    weightedNodeSum(rest_.data(), product, kAll, stride, rest.data());
+    for (std::size_t i = 0; i < stride; ++i) to[i] += static_cast<float>(restMm) * rest[i];
+  }
   if (all) return;
   std::fill_n(out, static_cast<std::size_t>(frequencyCount_) * 6, 0.0f);
   for (std::size_t k = 0; k < kept_.size(); ++k)

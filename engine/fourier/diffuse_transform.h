@@ -10,7 +10,8 @@ namespace patina {
 /// How the Lambertian term is transformed.
 enum class DiffuseMethod {
   PaperMixture,  ///< App. B's three Gaussians, equation 12, over the infinite plane
-  Quadrature,    ///< the cosine, distance, window and emission as they are, over the lit rectangle
+  Quadrature,  ///< the cosine, distance, window and emission (ScreenFrame::logEmission as well) as they are,
+               ///< over the lit rectangle
 };
 
 /// Transform of the Lambertian term at any sample point: for each frequency a complex vector v with Z_diffuse
@@ -20,11 +21,15 @@ enum class DiffuseMethod {
 /// screen farther away than half its width).
 class DiffuseTransform {
  public:
-  /// `frequencies` in pattern units; `sampleSizeMm` the rectangle that points lie in (z = 0).
+  /// `frequencies` in pattern units; `sampleSizeMm` the rectangle that points lie in (z = 0), or that the
+  /// sheet bends over: the table's nodes lie on its surface then. Heights that nine Chebyshev polynomials a
+  /// side don't follow get a second table, the derivative with respect to the height: of the rest, what is
+  /// left is (rest / distance)^2 of DC, 3e-5 for a millimetre.
   /// Frequencies with a component beyond 48 have no diffuse part that any camera could see (below 1e-5 of
   /// DC); they give 0.
   DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
-                   const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method);
+                   const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method,
+                   const SheetShape& shape = {});
 
   /// A transform of some of the frequencies only, in the given order (indices into the constructor's list).
   /// Cheap.
@@ -35,23 +40,35 @@ class DiffuseTransform {
   /// `at` gives exactly 0.
   std::vector<char> counts() const;
   /// out[(f * 3 + axis) * 2 + {0: re, 1: im}], axis in the screen's frame. Thread-safe. Cost: 81 x 6
-  /// multiply-adds a frequency that counts, in SIMD lanes.
+  /// multiply-adds a frequency that counts, in SIMD lanes; twice that with two tables.
   void at(const Eigen::Vector2d& pointMm, float* out) const;
+  /// The same, `restMm` higher than the first table has it, whatever the sheet's height there is.
+  void at(const Eigen::Vector2d& pointMm, double restMm, float* out) const;
+  /// How much higher the sheet is than the first table has it; 0 where there is no second.
+  double restMm(const Eigen::Vector2d& pointMm) const;
+  bool hasRest() const { return !rest_.empty(); }
 
   /// The same at one point without a table: for curves with many frequencies.
   static std::vector<float> atPoint(const ScreenFrame& frame, const Eigen::Vector2d& pointMm,
-                                    const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method);
+                                    const std::vector<Eigen::Vector2d>& frequencies, DiffuseMethod method,
+                                    const SheetShape& shape = {});
 
  private:
   DiffuseTransform() = default;
-  /// Keeps the frequencies that count.
-  void compact(const std::vector<float>& full);
+  /// The frequencies that count.
+  void findKept(const std::vector<float>& full);
+  std::vector<float> compacted(const std::vector<float>& full) const;
 
   static constexpr int kNodes = 9;
+  /// Products of the nodes' weights at a point: [node y][node x].
+  void nodeWeights(const Eigen::Vector2d& pointMm, float (&product)[kNodes * kNodes]) const;
   int frequencyCount_ = 0;
   Eigen::Vector2d halfSizeMm_;
   std::vector<int> kept_;     ///< frequencies that count, ascending
   std::vector<float> table_;  ///< [node y][node x][kept][axis][re, im]
+  std::vector<float> rest_;   ///< as table_: derivative by the height in mm; empty where not needed
+  std::function<double(const Eigen::Vector2d&)> heightMm_;  ///< where there is a second table
+  std::vector<double> nodeHeight_;                          ///< [node y][node x]
 };
 
 }  // namespace patina

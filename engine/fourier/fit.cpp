@@ -2,14 +2,19 @@
 
 #include <sys/resource.h>
 #include <tbb/info.h>
+#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <functional>
+#include <iterator>
 #include <optional>
 
 #include "engine/base/cache_folder.h"
+#include "engine/fourier/emission_expansion.h"
 #include "engine/fourier/fit_state.h"
 #include "engine/fourier/solve_sheet.h"
 
@@ -17,6 +22,9 @@ namespace patina {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// The lobe that stands for all of a sheet that isn't solved yet.
+constexpr float kFlatSheetSigma = 0.1f;
 
 std::size_t peakBytes() {
   rusage usage{};
@@ -73,6 +81,42 @@ Result<SiteSet> sitesWithinMemory(const FourierCapture& capture, const FourierFi
                "fit options", "raise the limit (--memory)"};
 }
 
+/// Every problem with corrections, one sentence each.
+std::vector<std::string> problemsOf(const FourierCorrections& corrections) {
+  std::vector<std::string> problems;
+  constexpr float kSmallestDeterminant = 1e-3f;
+  if (!corrections.unmix.allFinite() || !(std::abs(corrections.unmix.determinant()) > kSmallestDeterminant))
+    problems.push_back("corrections.unmix can't be inverted");
+  if (!std::ranges::all_of(corrections.photoGain, [](float g) { return g > 0 && std::isfinite(g); }))
+    problems.push_back("every corrections.photoGain must be positive");
+  if (!std::ranges::all_of(corrections.photoOffset, [](const auto& o) { return o.isFinite().all(); }))
+    problems.push_back("every corrections.photoOffset must be finite");
+  if (!(corrections.saturation >= 0)) problems.push_back("corrections.saturation must not be negative");
+  return problems;
+}
+
+/// Solves the sheet, from the corrections' solutions where they have one for each site.
+void solveFrom(FourierFitState& state, const FourierCorrections* corrections, const JobContext& job) {
+  std::span<const SvbrdfParameters> start;
+  if (corrections && corrections->sites && corrections->sites->size() == state.measurements.sites.size())
+    start = *corrections->sites;
+  const auto expand = [&](std::span<const SvbrdfParameters> solutions) {
+    if (!state.frame.logEmission) return;
+    const StageClock timer(state.stats, "geometry");
+    state.expandEmissions(solutions);
+  };
+  expand(start);
+  solveSheet(state, job, start);  // stages "levels" and "solve"
+  // Without solutions to begin with, emission was expanded where a flat sheet mirrors it: once more, now that
+  // there are some.
+  if (state.frame.logEmission && start.empty() && !job.cancelled()) {
+    const std::vector<SvbrdfParameters> found = state.sites;
+    expand(found);
+    solveSheet(state, job, found);
+  }
+  expand(state.sites);  // predictions are made where the lobes are now
+}
+
 Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
                                                 const FourierFitOptions& options, const JobContext& job,
                                                 const FourierFitStorage& storage) {
@@ -80,6 +124,11 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   state->capture = capture;
   state->options = options;
   state->frame = ScreenFrame(capture.screen);
+  const FourierCorrections* corrections = options.corrections.get();
+  if (corrections) {
+    state->frame.logEmission = corrections->logEmission;
+    state->shape = {corrections->heightMm, capture.camera.positionMm()};
+  }
   if (!capture.screen.emission)
     job.warn(
         "the bundle has no screen.emission; the screen is taken to emit evenly in all directions, which "
@@ -93,7 +142,8 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
     if (!plan) return plan.error();
     auto sites = sitesWithinMemory(capture, options, *plan, job, state->stats, siteSize);
     if (!sites) return sites.error();
-    auto measured = measure(capture, std::move(*plan), std::move(*sites), job, measurementStorage);
+    auto measured =
+        measure(capture, std::move(*plan), std::move(*sites), job, measurementStorage, corrections);
     if (!measured) return measured.error();
     state->measurements = std::move(*measured);
   }
@@ -106,7 +156,8 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
   state->stats.clippedSites =
       static_cast<std::size_t>(std::count(m.clipped.begin(), m.clipped.end(), std::uint8_t{1}));
   state->stats.measurementsOnDisk = !m.store.inMemory();
-  if (!storage.keepFolder.empty()) {
+  // What acts on the capture is not in a fingerprint: such a fit keeps nothing, and takes nothing over.
+  if (!storage.keepFolder.empty() && !corrections) {
     auto finished = FinishedTiles::open(storage.keepFolder, fitFingerprint(capture, options, m.sites.size()));
     if (finished) {
       state->finished = std::move(*finished);
@@ -118,7 +169,7 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
     const StageClock timer(state->stats, "geometry");
     state->makeDiffuse();
   }
-  solveSheet(*state, job);  // stages "levels" and "solve"
+  solveFrom(*state, corrections, job);
   if (const auto failure = m.store.failure()) return *failure;
   const auto notKept = state->finished.failure();
   state->finished = {};  // lets go of the file: the next fit may want it while this one is looked at
@@ -171,8 +222,31 @@ FourierFitState::Weights FourierFitState::weights(std::size_t site) const {
 void FourierFitState::makeDiffuse() {
   std::vector<Eigen::Vector2d> frequencies = {Eigen::Vector2d::Zero()};
   for (const auto& group : measurements.plan.fitted) frequencies.push_back(group.frequency.cast<double>());
-  diffuse = std::make_unique<DiffuseTransform>(
-      frame, Eigen::Vector2d(capture.sampleWidthMm, capture.sampleHeightMm), frequencies, diffuseMethod());
+  diffuse = std::make_unique<DiffuseTransform>(frame,
+                                               Eigen::Vector2d(capture.sampleWidthMm, capture.sampleHeightMm),
+                                               frequencies, diffuseMethod(), shape);
+}
+
+void FourierFitState::expandEmissions(std::span<const SvbrdfParameters> solutions) {
+  emission.clear();
+  if (!frame.logEmission) return;
+  std::vector<EmissionExpansion> all(measurements.sites.size());
+  SvbrdfParameters flat;
+  flat.sigma = kFlatSheetSigma;
+  tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t s) {
+    all[s] = expandEmission(frame, geometry(s), s < solutions.size() ? solutions[s] : flat);
+  });
+  emission = std::move(all);
+}
+
+SiteGeometry FourierFitState::geometry(const Eigen::Vector2d& pointMm) const {
+  const Eigen::Vector3d point = shape.pointMm(pointMm), cameraMm = capture.camera.positionMm();
+  const SiteGeometry plain = siteGeometry(frame, point, cameraMm);
+  if (!frame.logEmission) return plain;
+  SvbrdfParameters flat;
+  flat.sigma = kFlatSheetSigma;
+  const EmissionExpansion expansion = expandEmission(frame, plain, flat);
+  return siteGeometry(frame, point, cameraMm, &expansion);
 }
 
 void removeUnfinished(const std::filesystem::path& keepFolder) {
@@ -213,7 +287,8 @@ const char* statusName(TexelStatus status) {
 Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& capture,
                                                      const FourierFitOptions& options, const JobContext& job,
                                                      const FourierFitStorage& storage) {
-  const auto problems = options.validate();
+  auto problems = options.validate();
+  if (options.corrections) std::ranges::copy(problemsOf(*options.corrections), std::back_inserter(problems));
   if (!problems.empty()) {
     std::string all;
     for (const auto& problem : problems) all += (all.empty() ? "" : "; ") + problem;

@@ -2,9 +2,11 @@
 
 #include <chrono>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "engine/fourier/corrections.h"
 #include "engine/fourier/diffuse_transform.h"
 #include "engine/fourier/finished_tiles.h"
 #include "engine/fourier/fit.h"
@@ -19,9 +21,12 @@ struct FourierFitState {
   FourierCapture capture;
   FourierFitOptions options;
   ScreenFrame frame;
+  SheetShape shape;  ///< of the sheet; the plane, unless corrections know better
   FourierMeasurements measurements;
   std::unique_ptr<DiffuseTransform> diffuse;  ///< zero frequency, then plan.fitted
-  std::vector<SvbrdfParameters> sites;        ///< a solution for each site
+  /// With FourierCorrections::logEmission: what each site's lobe sees of it; else empty.
+  std::vector<EmissionExpansion> emission;
+  std::vector<SvbrdfParameters> sites;  ///< a solution for each site
   std::vector<TexelStatus> siteStatus;
   std::vector<float> siteResidual;
   std::vector<SiteUncertainty> siteSd;
@@ -30,19 +35,29 @@ struct FourierFitState {
   FourierFitStats stats;
 
   SiteGeometry geometry(std::size_t site) const {
-    const auto& p = measurements.sites.pointMm[site];
-    return siteGeometry(frame, {p.x(), p.y(), 0.0}, capture.camera.positionMm());
+    return geometry(site, measurements.sites.pointMm[site].cast<double>());
   }
+  /// At another point of the plane near a site's: emission as the site's lobe sees it.
+  SiteGeometry geometry(std::size_t site, const Eigen::Vector2d& pointMm) const {
+    return siteGeometry(frame, shape.pointMm(pointMm), capture.camera.positionMm(),
+                        emission.empty() ? nullptr : &emission[site]);
+  }
+  /// At any point of the plane: emission as a lobe of sigma 0.1 about a flat sheet's mirror point sees it.
+  SiteGeometry geometry(const Eigen::Vector2d& pointMm) const;
   /// One over the variance of one component of Z, and of Z(0), as the options weigh them.
   struct Weights {
     double ac[3], dc[3];
   };
   Weights weights(std::size_t site) const;
   DiffuseMethod diffuseMethod() const {
-    return options.lobe == LobeMapping::PaperAffine ? DiffuseMethod::PaperMixture : DiffuseMethod::Quadrature;
+    // The paper's three Gaussians have no room for another emission.
+    return options.lobe == LobeMapping::PaperAffine && !frame.logEmission ? DiffuseMethod::PaperMixture
+                                                                          : DiffuseMethod::Quadrature;
   }
   /// Fills `diffuse` once capture, options, frame and measurements are there.
   void makeDiffuse();
+  /// Fills `emission` from solutions, one a site (none: flat, sigma 0.1), where the frame has a logEmission.
+  void expandEmissions(std::span<const SvbrdfParameters> solutions);
   /// The site nearest to a map texel; -1 where no photograph sees it.
   std::int64_t siteOfTexel(int texelX, int texelY) const;
 };

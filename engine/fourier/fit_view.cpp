@@ -167,7 +167,7 @@ class FinishedFit final : public FourierFit {
     const Eigen::Vector3f n = normalOnScreen(state_->frame, p.normal);
     const std::vector<float> v =
         DiffuseTransform::atPoint(state_->frame, state_->measurements.sites.pointMm[site].cast<double>(),
-                                  frequencies, state_->diffuseMethod());
+                                  frequencies, state_->diffuseMethod(), state_->shape);
     for (std::size_t i = 0; i < frequencies.size(); ++i) {
       const float* at = v.data() + i * 6;
       take(static_cast<int>(i),

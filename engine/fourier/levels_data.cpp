@@ -302,8 +302,7 @@ LevelTile::LevelTile(const FourierFitState& state, const MirrorPhase& phase, con
       const std::uint32_t t = texels[i];
       const Eigen::Vector2f point = level.pointMm[t];
       SiteData& site = data[i];
-      site.geometry =
-          siteGeometry(state.frame, {point.x(), point.y(), 0.0}, state.capture.camera.positionMm());
+      site.geometry = state.geometry(point.cast<double>());
       state.diffuse->at(point.cast<double>(), diffuse_.data() + i * stride);
       site.diffuse = diffuse_.data() + i * stride;
       phase.inPlace(point, level.z.data() + t * zStride_, z_.data() + i * zStride_);

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "engine/fourier/sensor_noise.h"
+#include "engine/fourier/site_correction.h"
 #include "engine/fourier/site_reader.h"
 
 namespace patina {
@@ -284,7 +285,10 @@ void markClipped(FourierMeasurements& m) {
 }  // namespace
 
 Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPlan plan, SiteSet sites,
-                                    const JobContext& job, const MeasurementStorage& storage) {
+                                    const JobContext& job, const MeasurementStorage& storage,
+                                    const FourierCorrections* corrections) {
+  const FourierCorrections none;
+  const PhotoCorrection photoCorrection(corrections ? *corrections : none, capture);
   FourierMeasurements m;
   m.plan = std::move(plan);
   m.sites = std::move(sites);
@@ -301,6 +305,8 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
   m.clippedFraction.assign(count, 0.0f);
   m.clipped.assign(count, 0);
   Reducer reducer(m);
+  const SiteCorrection siteCorrection(corrections ? *corrections : none, photoCorrection, m.plan.fitted,
+                                      false);
 
   std::vector<int> photos = photosOf(m.plan.fitted);
   const std::size_t window = photos.size(), black = window + 1;
@@ -321,11 +327,22 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
     noteDropped(strip, frequencies, dropped);
     m.noWindow.insert(m.noWindow.end(), strip.clipped[window].begin(), strip.clipped[window].end());
     for (const auto s : strip.clipped[black]) m.clipped[s] = 1;
-    return storeStrip(m.store, strip, m.sites.grouped(), [&](const SiteBlock& block) { reducer.add(block); });
+    return storeStrip(m.store, strip, m.sites.grouped(), [&](const SiteBlock& block) {
+      if (!siteCorrection.active()) reducer.add(block);
+    });
   };
-  const Status read = readSites(capture, m.sites, photos, storage, "read", job, take);
+  const Status read = readSites(capture, m.sites, photos, storage, "read", job, &photoCorrection, take);
   if (!read) return read.error();
-  if (m.sites.grouped()) {
+  if (siteCorrection.active()) {
+    const std::size_t stride = static_cast<std::size_t>(frequencies) * 6;
+    const Status changed = changeStore(m.store, job, [&](SiteRun run, float* z, float* even) {
+      for (std::size_t s = run.first; s < run.end(); ++s)
+        siteCorrection.apply(s, z + (s - run.first) * stride, even + (s - run.first) * stride,
+                             m.black.data() + s * 3, m.window.data() + s * 3, m.plan.window);
+      reducer.add(SiteBlock(run, stride, z, even));
+    });
+    if (!changed) return changed.error();
+  } else if (m.sites.grouped()) {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kChunk),
                       [&](const auto& range) { reducer.add(m.store.block(range.begin(), range.size())); });
   }
@@ -359,7 +376,9 @@ Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPl
 }
 
 Status measureHeldOut(const FourierCapture& capture, FourierMeasurements& measurements, const JobContext& job,
-                      const MeasurementStorage& storage) {
+                      const MeasurementStorage& storage, const FourierCorrections* corrections) {
+  const FourierCorrections none;
+  const PhotoCorrection photoCorrection(corrections ? *corrections : none, capture);
   const auto& groups = measurements.plan.heldOut;
   const std::uint64_t limit = storage.memoryLimitBytes / 2;
   const std::uint64_t taken =
@@ -371,12 +390,23 @@ Status measureHeldOut(const FourierCapture& capture, FourierMeasurements& measur
   if (!store) return store.error();
   std::vector<DroppedRow> dropped;
   const std::vector<int> photos = photosOf(groups);
-  const Status read = readSites(
-      capture, measurements.sites, photos, storage, "holdout", job, [&](const SiteStrip& strip) -> Status {
-        noteDropped(strip, store->frequencyCount(), dropped);
-        return storeStrip(*store, strip, measurements.sites.grouped(), [](const SiteBlock&) {});
-      });
+  const auto take = [&](const SiteStrip& strip) -> Status {
+    noteDropped(strip, store->frequencyCount(), dropped);
+    return storeStrip(*store, strip, measurements.sites.grouped(), [](const SiteBlock&) {});
+  };
+  const Status read =
+      readSites(capture, measurements.sites, photos, storage, "holdout", job, &photoCorrection, take);
   if (!read) return read;
+  const SiteCorrection siteCorrection(corrections ? *corrections : none, photoCorrection, groups, true);
+  if (siteCorrection.active()) {
+    const std::size_t stride = static_cast<std::size_t>(store->frequencyCount()) * 6;
+    const Status changed = changeStore(*store, job, [&](SiteRun run, float* z, float* even) {
+      for (std::size_t s = run.first; s < run.end(); ++s)
+        siteCorrection.apply(s, z + (s - run.first) * stride, even + (s - run.first) * stride,
+                             measurements.black.data() + s * 3, nullptr, -1);
+    });
+    if (!changed) return changed;
+  }
   store->setDroppedRows(std::move(dropped));
   measurements.heldOut = std::move(*store);
   return Done{};

@@ -15,6 +15,8 @@
 
 namespace patina {
 
+struct FourierCorrections;
+
 /// Four photographs of one frequency: indices into capture.photos by phase.
 struct FrequencyGroup {
   Eigen::Vector2i frequency = Eigen::Vector2i::Zero();
@@ -118,14 +120,17 @@ struct MeasurementStorage {
 /// Reads the fitted photographs, once each, in strips of rows, several at a time, and reduces them to
 /// measurements. Samples that saturate are left out: where a pattern's photograph does, its row of Z (see
 /// droppedRows) and what else it enters; where the window does, Z(0) comes from the patterns' even sums. A
-/// site counts as clipped where less than 60 % of its rows are left, fewer than eight, or no Z(0). Errors:
-/// those of readPhoto; WriteFailed (scratch file); Cancelled.
+/// site counts as clipped where less than 60 % of its rows are left, fewer than eight, or no Z(0).
+/// `corrections` (null: none): what acts on photographs and measurements is undone first, and the noise is
+/// that of the corrected data. Errors: those of readPhoto; WriteFailed (scratch file); Cancelled.
 Result<FourierMeasurements> measure(const FourierCapture& capture, MeasurementPlan plan, SiteSet sites,
-                                    const JobContext& job, const MeasurementStorage& storage = {});
+                                    const JobContext& job, const MeasurementStorage& storage = {},
+                                    const FourierCorrections* corrections = nullptr);
 
 /// Reads the held-out photographs into `measurements.heldOut`, which stays empty on failure. Errors as
 /// `measure`. Progress stage: "holdout".
 Status measureHeldOut(const FourierCapture& capture, FourierMeasurements& measurements, const JobContext& job,
-                      const MeasurementStorage& storage = {});
+                      const MeasurementStorage& storage = {},
+                      const FourierCorrections* corrections = nullptr);
 
 }  // namespace patina

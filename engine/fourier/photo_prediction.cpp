@@ -26,7 +26,8 @@ using Mask = hn::Mask<Tag>;
 #include "engine/fourier/lanes.inc"
 #include "engine/fourier/lobe_kernel.inc"
 
-constexpr int kProducts = PhotoPrediction::kNodes * PhotoPrediction::kNodes;
+constexpr int kOrders = PhotoPrediction::kNodes * PhotoPrediction::kNodes;
+constexpr int kProducts = 2 * kOrders;  // the second half for the derivative by height
 constexpr float kMultiple[PhotoPrediction::kHarmonics] = {1, 2, 4, 6, 8, 10, 12, 14, 16};
 
 /// One of the lobe's two Gaussians along one direction of the frequency plane: at k times the frequency the
@@ -97,6 +98,12 @@ class SiteLanes {
       for (int i = 0; i < PhotoPrediction::kNodes; ++i)
         hn::Store((t[0][i] * t[1][j]).v, Tag(),
                   product_ + static_cast<std::size_t>(j * PhotoPrediction::kNodes + i) * lanes_);
+    if (shared.hasRest) {
+      const Lanes rest = gather([](S s) { return s.restMm; });
+      for (std::size_t k = 0; k < kOrders; ++k)
+        hn::Store((rest * Lanes(hn::Load(Tag(), product_ + k * lanes_))).v, Tag(),
+                  product_ + (kOrders + k) * lanes_);
+    }
     dropped_ = std::ranges::any_of(sites, [](S s) { return !s.droppedRows.empty(); });
   }
 
@@ -107,6 +114,7 @@ class SiteLanes {
     diffuseAt(shared_.zero, zeroDiffuse, unused, false);
     const Lanes zeroLobe =
         half * (lit_[0] * lobe_[0].mass + lit_[1] * lobe_[1].mass);  // each Gaussian has half the weight
+    recorded_ = {};
     if (sites_[0].window) compareWindow(zeroDiffuse, zeroLobe);
     constexpr float kInvPi = std::numbers::inv_pi_v<float>;
     for (std::size_t f = 0; f < shared_.frequency.size(); ++f) {
@@ -144,6 +152,7 @@ class SiteLanes {
       compareRow(f, 0, diffuseRe, lobeRe, sums[0][1], sums[1][1]);
       compareRow(f, 1, diffuseIm, lobeIm, sums[0][0], sums[1][0]);
     }
+    if (shared_.recorded) return recorded_;
     return {total(error_), total(signal_), total(noise_)};
   }
 
@@ -208,12 +217,16 @@ class SiteLanes {
   }
 
   void compareWindow(Lanes diffuse, Lanes lobe) {
+    if (shared_.recorded) return compareWindowRecorded(diffuse, lobe);
     for (int c = 0; c < 3; ++c) {
       const Lanes measured = gatherFrom(&PredictionSite::window, static_cast<std::size_t>(c));
       const Lanes gap = black_[c] + diffuse_[c] * diffuse + specular_[c] * lobe - measured;
       error_ = mulAdd(used_ * gap, gap, error_);
-      signal_ = mulAdd(used_ * measured, measured, signal_);
-      addNoise(used_, vmax(measured, Lanes(0.0f)), 1.0f);
+      const Lanes photograph = sites_[0].extraWindow ? measured + gatherFrom(&PredictionSite::extraWindow,
+                                                                             static_cast<std::size_t>(c))
+                                                     : measured;
+      signal_ = mulAdd(used_ * photograph, photograph, signal_);
+      addNoise(used_, vmax(photograph, Lanes(0.0f)), 1.0f);
     }
   }
 
@@ -226,17 +239,83 @@ class SiteLanes {
   /// Two photographs by their difference and sum: a^2 + b^2 = ((a + b)^2 + (a - b)^2) / 2.
   void compareRow(std::size_t f, std::size_t row, Lanes diffuse, Lanes lobe, Lanes diffuseSum,
                   Lanes lobeSum) {
+    if (shared_.recorded) return compareRowRecorded(f, row, diffuse, lobe, diffuseSum, lobeSum);
     Lanes used = used_;
     if (dropped_) used = withoutDropped(static_cast<int>(2 * f + row));
     const Lanes half(0.5f), zero(0.0f), halfUsed = half * used;
     for (std::size_t c = 0; c < 3; ++c) {
-      const Lanes difference = gatherFrom(&PredictionSite::z, f * 6 + row * 3 + c);
-      const Lanes sum = gatherFrom(&PredictionSite::even, f * 6 + (row == 0 ? 3 : 0) + c);
+      Lanes difference = gatherFrom(&PredictionSite::z, f * 6 + row * 3 + c);
+      Lanes sum = gatherFrom(&PredictionSite::even, f * 6 + (row == 0 ? 3 : 0) + c);
       const Lanes gapDifference = diffuse_[c] * diffuse + specular_[c] * lobe - difference;
       const Lanes gapSum = Lanes(2.0f) * black_[c] + diffuse_[c] * diffuseSum + specular_[c] * lobeSum - sum;
+      if (sites_[0].extraZ) {
+        difference = difference + gatherFrom(&PredictionSite::extraZ, f * 6 + row * 3 + c);
+        sum = sum + gatherFrom(&PredictionSite::extraEven, f * 6 + (row == 0 ? 3 : 0) + c);
+      }
       error_ = mulAdd(halfUsed, gapDifference * gapDifference + gapSum * gapSum, error_);
       signal_ = mulAdd(halfUsed, difference * difference + sum * sum, signal_);
       addNoise(used, vmax(half * (sum + difference), zero) + vmax(half * (sum - difference), zero), 2.0f);
+    }
+  }
+
+  /// One number a lane.
+  struct Buffer {
+    HWY_ALIGN float value[HWY_MAX_BYTES / sizeof(float)];
+    explicit Buffer(Lanes lanes) { hn::Store(lanes.v, Tag(), value); }
+  };
+
+  /// One photograph at one site, through response, crosstalk, offset and gain.
+  void addRecorded(int photo, std::size_t lane, const Eigen::Array3f& model, const Eigen::Array3f& measured,
+                   const Eigen::Array3f& extra) {
+    const PredictionSite& site = sites_[lane];
+    const Eigen::Array3f black(site.black[0], site.black[1], site.black[2]);
+    const auto predicted = shared_.recorded->record(photo, model + extra, black);
+    const auto taken = shared_.recorded->record(photo, measured + extra, black);
+    recorded_.error += (predicted.value - taken.value).square().sum();
+    recorded_.signal += taken.value.square().sum();
+    const Eigen::Array3f variance =
+        (shared_.noiseShot * (measured + extra).max(0.0f) + shared_.noiseReadSquared) / site.pixelCount;
+    recorded_.noise += (taken.derivative.array().square().matrix() * variance.matrix()).sum();
+  }
+
+  void compareWindowRecorded(Lanes diffuse, Lanes lobe) {
+    const Buffer d(diffuse), l(lobe);
+    for (std::size_t lane = 0; lane < std::min(lanes_, sites_.size()); ++lane) {
+      const PredictionSite& site = sites_[lane];
+      Eigen::Array3f model, measured, extra;
+      for (int c = 0; c < 3; ++c) {
+        model[c] = site.black[c] + site.parameters->diffuse[c] * d.value[lane] +
+                   site.parameters->specular[c] * l.value[lane];
+        measured[c] = site.window[c];
+        extra[c] = site.extraWindow ? site.extraWindow[c] : 0.0f;
+      }
+      addRecorded(shared_.windowPhoto, lane, model, measured, extra);
+    }
+  }
+
+  void compareRowRecorded(std::size_t f, std::size_t row, Lanes diffuse, Lanes lobe, Lanes diffuseSum,
+                          Lanes lobeSum) {
+    const Buffer d(diffuse), l(lobe), dSum(diffuseSum), lSum(lobeSum);
+    // The row's difference is of photographs 1 and 3, or 2 and 0.
+    const int photo[2] = {shared_.photo[f][row == 0 ? 1 : 2], shared_.photo[f][row == 0 ? 3 : 0]};
+    const std::size_t z = f * 6 + row * 3, even = f * 6 + (row == 0 ? 3 : 0);
+    for (std::size_t lane = 0; lane < std::min(lanes_, sites_.size()); ++lane) {
+      const PredictionSite& site = sites_[lane];
+      if (std::ranges::find(site.droppedRows, static_cast<int>(2 * f + row)) != site.droppedRows.end())
+        continue;
+      for (int side = 0; side < 2; ++side) {
+        const float sign = side == 0 ? 0.5f : -0.5f;
+        Eigen::Array3f model, measured, extra = Eigen::Array3f::Zero();
+        for (std::size_t c = 0; c < 3; ++c) {
+          const auto k = static_cast<Eigen::Index>(c);
+          const float a = site.parameters->diffuse[k], b = site.parameters->specular[k];
+          model[k] = 0.5f * (2 * site.black[c] + a * dSum.value[lane] + b * lSum.value[lane]) +
+                     sign * (a * d.value[lane] + b * l.value[lane]);
+          measured[k] = 0.5f * site.even[even + c] + sign * site.z[z + c];
+          if (site.extraZ) extra[k] = 0.5f * site.extraEven[even + c] + sign * site.extraZ[z + c];
+        }
+        addRecorded(photo[side], lane, model, measured, extra);
+      }
     }
   }
 
@@ -255,6 +334,7 @@ class SiteLanes {
   Lanes used_, invPixels_, diffuse_[3], specular_[3], black_[3], normal_[3], lit_[2];
   LobeMoments<Lanes> lobe_[2];
   Lanes error_, signal_, noise_;
+  PredictionSums recorded_;
   HWY_ALIGN float product_[kProducts * HWY_MAX_BYTES / sizeof(float)];
 };
 
@@ -280,7 +360,7 @@ PredictionSums PhotoPrediction::compare(std::span<const PredictionSite> sites) c
 
 PhotoPrediction::PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
                                  const std::vector<FrequencyGroup>& groups, LobeMapping mapping,
-                                 DiffuseMethod diffuse, const NoiseModel& noise)
+                                 DiffuseMethod diffuse, const NoiseModel& noise, const SheetShape& shape)
     : lobe(mapping),
       noiseShot(static_cast<float>(noise.shot)),
       noiseReadSquared(static_cast<float>(noise.read * noise.read)) {
@@ -299,6 +379,7 @@ PhotoPrediction::PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampl
   std::vector<std::size_t> wanted;  // [frequency][harmonic]; 0: none
   for (const auto& group : groups) {
     frequency.push_back(group.frequency.cast<float>());
+    photo.push_back(group.photo);
     for (int h = 0; h < kHarmonics; ++h) {
       const Eigen::Vector2i w = group.frequency * (h == 0 ? 1 : 2 * h);
       if (w.cwiseAbs().maxCoeff() > kHighest) {
@@ -310,15 +391,25 @@ PhotoPrediction::PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampl
       wanted.push_back(at->second);
     }
   }
-  const DiffuseTransform transform(frame, sampleSizeMm, distinct, diffuse);
+  const DiffuseTransform transform(frame, sampleSizeMm, distinct, diffuse, shape);
+  hasRest = transform.hasRest();
   // Values at Chebyshev points of the first kind, then coefficients by the discrete cosine transform.
   const auto angle = [](int k) { return std::numbers::pi * (k + 0.5) / kNodes; };
   const std::size_t stride = distinct.size() * 6;
-  std::vector<float> values(static_cast<std::size_t>(kNodes * kNodes) * stride);
-  for (int j = 0; j < kNodes; ++j)
-    for (int i = 0; i < kNodes; ++i)
-      transform.at({std::cos(angle(i)) * sampleSizeMm.x() / 2, std::cos(angle(j)) * sampleSizeMm.y() / 2},
-                   values.data() + static_cast<std::size_t>(j * kNodes + i) * stride);
+  std::vector<float> values(static_cast<std::size_t>(kNodes * kNodes) * stride), byHeight;
+  for (int j = 0; j < kNodes; ++j) {
+    for (int i = 0; i < kNodes; ++i) {
+      const Eigen::Vector2d point(std::cos(angle(i)) * sampleSizeMm.x() / 2,
+                                  std::cos(angle(j)) * sampleSizeMm.y() / 2);
+      float* at = values.data() + static_cast<std::size_t>(j * kNodes + i) * stride;
+      transform.at(point, 0, at);
+      if (!hasRest) continue;
+      byHeight.resize(byHeight.size() + stride);
+      float* higher = byHeight.data() + byHeight.size() - stride;
+      transform.at(point, 1, higher);
+      for (std::size_t k = 0; k < stride; ++k) higher[k] -= at[k];
+    }
+  }
   double cosine[kNodes][kNodes];
   for (int k = 0; k < kNodes; ++k)
     for (int i = 0; i < kNodes; ++i) cosine[k][i] = (k == 0 ? 1.0 : 2.0) / kNodes * std::cos(k * angle(i));
@@ -327,9 +418,7 @@ PhotoPrediction::PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampl
   // Far below float's resolution of the zero frequency: neither the polynomial's order nor the frequency
   // needs a term then.
   const double negligible = 1e-8 * largest;
-  std::vector<Polynomial> of(distinct.size());
-  for (std::size_t d = 0; d < distinct.size(); ++d) {
-    of[d].first = static_cast<int>(terms.size());
+  const auto addTerms = [&](const std::vector<float>& from, std::size_t d, int firstProduct) {
     // along x, then along y
     std::vector<double> rows(static_cast<std::size_t>(kNodes * kNodes) * 6, 0.0);
     for (int j = 0; j < kNodes; ++j)
@@ -337,14 +426,14 @@ PhotoPrediction::PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampl
         for (int i = 0; i < kNodes; ++i)
           for (std::size_t k = 0; k < 6; ++k)
             rows[static_cast<std::size_t>(j * kNodes + a) * 6 + k] +=
-                cosine[a][i] * values[static_cast<std::size_t>(j * kNodes + i) * stride + d * 6 + k];
+                cosine[a][i] * from[static_cast<std::size_t>(j * kNodes + i) * stride + d * 6 + k];
     for (int b = 0; b < kNodes; ++b) {
       for (int a = 0; a < kNodes; ++a) {
         double sum[6] = {};
         for (int j = 0; j < kNodes; ++j)
           for (std::size_t k = 0; k < 6; ++k)
             sum[k] += cosine[b][j] * rows[static_cast<std::size_t>(j * kNodes + a) * 6 + k];
-        Term term{b * kNodes + a, {}};
+        Term term{firstProduct + b * kNodes + a, {}};
         bool counts = false;
         for (int k = 0; k < 6; ++k) {
           term.value[k] = static_cast<float>(sum[k]);
@@ -353,10 +442,21 @@ PhotoPrediction::PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampl
         if (counts) terms.push_back(term);
       }
     }
+  };
+  std::vector<Polynomial> of(distinct.size());
+  for (std::size_t d = 0; d < distinct.size(); ++d) {
+    of[d].first = static_cast<int>(terms.size());
+    addTerms(values, d, 0);
+    if (hasRest) addTerms(byHeight, d, kNodes * kNodes);
     of[d].end = static_cast<int>(terms.size());
   }
   zero = of[0];
   for (const auto index : wanted) polynomial.push_back(index == 0 ? Polynomial{} : of[index]);
+}
+
+void PhotoPrediction::compareRecorded(const PhotoCorrection& correction, int window) {
+  recorded = &correction;
+  windowPhoto = window;
 }
 
 }  // namespace patina

@@ -7,6 +7,7 @@
 #include "engine/fourier/maps.h"
 #include "engine/fourier/measurements.h"
 #include "engine/fourier/options.h"
+#include "engine/fourier/photo_correction.h"
 #include "engine/surface/svbrdf_parameters.h"
 
 namespace patina {
@@ -21,6 +22,10 @@ struct PredictionSite {
   const float* window = nullptr;              ///< R G B; null: not to be compared
   float pixelCount = 1;
   std::span<const std::uint16_t> droppedRows;  ///< their photographs are not compared
+  float restMm = 0;                            ///< DiffuseTransform::restMm
+  /// What was taken off z, even and window: part of the photographs. Null: nothing. All sites of a call have
+  /// it, or none.
+  const float *extraZ = nullptr, *extraEven = nullptr, *extraWindow = nullptr;
 };
 
 /// Sums over photographs, sites and channels.
@@ -40,7 +45,12 @@ class PhotoPrediction {
  public:
   PhotoPrediction(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,
                   const std::vector<FrequencyGroup>& groups, LobeMapping lobe, DiffuseMethod diffuse,
-                  const NoiseModel& noise);
+                  const NoiseModel& noise, const SheetShape& shape = {});
+
+  /// Photographs are then what `recorded` makes of radiances: measurements are corrected ones, but error,
+  /// signal and noise are those of the photographs as they were taken. Must outlive this. A call costs about
+  /// three times as much.
+  void compareRecorded(const PhotoCorrection& recorded, int windowPhoto);
 
   /// Predicts the four photographs of every frequency (and the window) at every site and compares. The series
   /// of the clipped sine goes to the 16th harmonic, as `patternRadiance` does. Sites go through in SIMD lanes
@@ -67,9 +77,15 @@ class PhotoPrediction {
   LobeMapping lobe;
   float noiseShot, noiseReadSquared;
   std::vector<Eigen::Vector2f> frequency;
+  /// For a sheet with a second table (DiffuseTransform::hasRest) products go on: those that follow are for
+  /// the derivative by height.
+  bool hasRest = false;
   Polynomial zero;
   std::vector<Polynomial> polynomial;  ///< [frequency][kHarmonics]
   std::vector<Term> terms;
+  const PhotoCorrection* recorded = nullptr;
+  std::vector<std::array<int, 4>> photo;  ///< [frequency]: indices into capture.photos by phase
+  int windowPhoto = -1;
 };
 
 }  // namespace patina

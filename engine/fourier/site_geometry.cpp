@@ -1,5 +1,6 @@
 #include "engine/fourier/site_geometry.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace patina {
@@ -18,7 +19,7 @@ ScreenFrame::ScreenFrame(const Screen& screen)
 }
 
 SiteGeometry siteGeometry(const ScreenFrame& frame, const Eigen::Vector3d& pointMm,
-                          const Eigen::Vector3d& cameraMm) {
+                          const Eigen::Vector3d& cameraMm, const EmissionExpansion* expansion) {
   const Eigen::Vector3d local = frame.screenFromWorld * (pointMm / frame.unitMm - frame.originUnits);
   const Eigen::Vector3d view = (frame.screenFromWorld * (cameraMm - pointMm)).normalized();
   SiteGeometry site;
@@ -41,6 +42,22 @@ SiteGeometry siteGeometry(const ScreenFrame& frame, const Eigen::Vector3d& point
     mean[k] = (window * windowMean + emission * emissionMean) / precision[k];
     const double gap = windowMean - emissionMean;
     peak *= std::exp(-0.5 * window * emission / precision[k] * gap * gap);
+  }
+  if (expansion) {
+    // Completing the square of the exponent once more.
+    double exponent = expansion->value;
+    for (int k = 0; k < 2; ++k) {
+      constexpr double kLeastPrecision = 0.1;
+      const double centre = expansion->centre[k] - local[k], slope = expansion->slope[k];
+      const double left = std::max(precision[k] - expansion->curve[k], kLeastPrecision * precision[k]);
+      const double curve = precision[k] - left;
+      const double moved = (precision[k] * mean[k] + slope - curve * centre) / left;
+      exponent += 0.5 * (left * moved * moved - precision[k] * mean[k] * mean[k] + curve * centre * centre) -
+                  slope * centre;
+      mean[k] = moved;
+      precision[k] = left;
+    }
+    peak *= std::exp(exponent);
   }
   site.lightMeanX = static_cast<float>(mean[0]);
   site.lightMeanY = static_cast<float>(mean[1]);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 
 #include "engine/screen/screen.h"
 
@@ -19,6 +20,9 @@ struct ScreenFrame {
   Eigen::Vector2d emissionPrecision =
       Eigen::Vector2d::Zero();  ///< 1 / sigma_E^2 at unit distance; 0: Lambertian panel
   double emissionGain = 1;
+  /// FourierCorrections::logEmission; empty: nothing beside the Gaussian.
+  std::function<double(const Eigen::Vector2d& screenPoint, const Eigen::Vector2d& foot, double distance)>
+      logEmission;
 
   explicit ScreenFrame(const Screen& screen);
   ScreenFrame() = default;
@@ -33,8 +37,30 @@ struct SiteGeometry {
   float lightMeanX = 0, lightMeanY = 0, lightPrecisionX = 1, lightPrecisionY = 1, lightPeak = 1;
 };
 
-/// Geometry of a sample point (world, mm) seen from `cameraMm`.
+/// `ScreenFrame::logEmission` near a site's lobe, to second order along the screen's axes: value + sum_k
+/// slope_k (x_k - centre_k) + 1/2 curve_k (x_k - centre_k)^2, x on the screen.
+struct EmissionExpansion {
+  float centre[2] = {0, 0};
+  float value = 0, slope[2] = {0, 0}, curve[2] = {0, 0};
+};
+
+/// Geometry of a sample point (world, mm) seen from `cameraMm`. The light's Gaussian is window times the
+/// emission's Gaussian, times the exponential of `expansion` (null: 1). A curve that would leave less than a
+/// tenth of the precision is cut there.
 SiteGeometry siteGeometry(const ScreenFrame& frame, const Eigen::Vector3d& pointMm,
-                          const Eigen::Vector3d& cameraMm);
+                          const Eigen::Vector3d& cameraMm, const EmissionExpansion* expansion = nullptr);
+
+/// The sheet's surface: the plane z = 0, or a height over it.
+struct SheetShape {
+  /// FourierCorrections::heightMm; empty: the plane.
+  std::function<double(const Eigen::Vector2d& pointMm)> heightMm;
+  Eigen::Vector3d cameraMm = Eigen::Vector3d::UnitZ();
+
+  /// What the camera sees where it would see a point of the plane: the point of the same ray at the height.
+  Eigen::Vector3d pointMm(const Eigen::Vector2d& onPlane) const {
+    const Eigen::Vector3d flat(onPlane.x(), onPlane.y(), 0);
+    return heightMm ? flat + (cameraMm - flat) * (heightMm(onPlane) / cameraMm.z()) : flat;
+  }
+};
 
 }  // namespace patina

@@ -11,17 +11,19 @@
 
 #include "engine/capture/encoding.h"
 #include "engine/capture/photo_rows.h"
+#include "engine/fourier/photo_correction.h"
 
 namespace patina {
 namespace {
 
-constexpr int kRowBlock = 16;  // most compressions of OpenEXR keep 1, 16 or 32 rows together
+constexpr double kTop = 0.9995;          // rounding of the decoded top code
+constexpr double kNearlyClipped = 0.98;  // noise may have come after the clipping
+constexpr int kRowBlock = 16;            // most compressions of OpenEXR keep 1, 16 or 32 rows together
 
 /// The radiance at which a photograph's samples saturate, R G B; infinite for linear photographs whose bundle
 /// doesn't say where the sensor ends.
-std::array<float, 3> clippingLevels(const FourierCapture& capture, const FourierPhoto& photo) {
+std::array<float, 3> declaredLevels(const FourierCapture& capture, const FourierPhoto& photo) {
   constexpr float kNever = std::numeric_limits<float>::infinity();
-  constexpr double kTop = 0.9995;  // rounding of the decoded top code
   std::array<float, 3> level{kNever, kNever, kNever};
   const auto encoding = parseEncoding(photo.encoding, photo.file);
   if (!encoding) return level;
@@ -39,11 +41,22 @@ std::array<float, 3> clippingLevels(const FourierCapture& capture, const Fourier
   return level;
 }
 
+/// The same, or lower where something else has found that the photographs are clipped there.
+std::array<float, 3> clippingLevels(const FourierCapture& capture, const FourierPhoto& photo,
+                                    const PhotoCorrection* correction) {
+  std::array<float, 3> level = declaredLevels(capture, photo);
+  if (correction && correction->saturation() > 0)
+    for (float& value : level)
+      value = std::min(value, static_cast<float>(kNearlyClipped * correction->saturation()));
+  return level;
+}
+
 Error cancelledError() {
   return {ErrorCode::Cancelled, "the fit was cancelled while reading photographs", "", ""};
 }
 
 struct OpenPhoto {
+  int index = 0;  ///< into capture.photos
   std::optional<PhotoRows> rows;
   std::array<float, 3> level;
   std::vector<float> pixels, sites;
@@ -67,8 +80,8 @@ SiteRun sitesOfRows(const SiteSet& sites, int firstRow, int rowCount) {
 }
 
 /// Takes the sites' values out of the pixels of some rows.
-void gather(const SiteSet& sites, const SiteRun& run, int firstRow, OpenPhoto& photo,
-            std::vector<std::uint32_t>& clipped) {
+void gather(const SiteSet& sites, const SiteRun& run, int firstRow, const PhotoCorrection* correction,
+            OpenPhoto& photo, std::vector<std::uint32_t>& clipped) {
   photo.sites.assign(run.count * 3, 0.0f);
   const std::int32_t* siteOfPixel = sites.siteOfPixel.data() + static_cast<std::size_t>(firstRow) *
                                                                    static_cast<std::size_t>(sites.imageWidth);
@@ -77,11 +90,12 @@ void gather(const SiteSet& sites, const SiteRun& run, int firstRow, OpenPhoto& p
   for (std::size_t i = 0; i < pixels; ++i) {
     const auto site = siteOfPixel[i];
     if (site < 0) continue;
-    const float* from = photo.pixels.data() + i * 3;
+    float* from = photo.pixels.data() + i * 3;
     float* to = photo.sites.data() + (static_cast<std::size_t>(site) - run.first) * 3;
-    for (int c = 0; c < 3; ++c) to[c] += from[c];
     if (clips && (from[0] >= photo.level[0] || from[1] >= photo.level[1] || from[2] >= photo.level[2]))
       clipped.push_back(static_cast<std::uint32_t>(site));
+    if (correction) correction->undo(photo.index, from);
+    for (int c = 0; c < 3; ++c) to[c] += from[c];
   }
   if (!sites.grouped()) return;
   for (std::size_t s = 0; s < run.count; ++s)
@@ -93,7 +107,8 @@ void gather(const SiteSet& sites, const SiteRun& run, int firstRow, OpenPhoto& p
 
 Status readSites(const FourierCapture& capture, const SiteSet& sites, std::span<const int> photos,
                  const MeasurementStorage& storage, std::string_view stage, const JobContext& job,
-                 const std::function<Status(const SiteStrip&)>& take) {
+                 const PhotoCorrection* correction, const std::function<Status(const SiteStrip&)>& take) {
+  const PhotoCorrection* undone = correction && correction->active() ? correction : nullptr;
   const auto tables = PhotoRows::makeTables();
   std::vector<OpenPhoto> open(photos.size());
   std::mutex mutex;  // guards failure
@@ -109,7 +124,8 @@ Status readSites(const FourierCapture& capture, const SiteSet& sites, std::span<
     auto rows = PhotoRows::open(capture, photo, tables);
     if (!rows) return fail(p, rows.error());
     open[p].rows = std::move(*rows);
-    open[p].level = clippingLevels(capture, photo);
+    open[p].index = photos[p];
+    open[p].level = clippingLevels(capture, photo, correction);
   });
   if (failure) return *failure;
   if (job.cancelled()) return cancelledError();
@@ -150,7 +166,7 @@ Status readSites(const FourierCapture& capture, const SiteSet& sites, std::span<
       }
       photo.pixels.resize(static_cast<std::size_t>(rowCount) * width * 3);
       if (Status read = photo.rows->next(rowCount, photo.pixels); !read) return fail(p, read.error());
-      gather(sites, strip.run, y, photo, strip.clipped[p]);
+      gather(sites, strip.run, y, undone, photo, strip.clipped[p]);
       strip.values[p] = photo.sites;
       job.progress(stage, ++done / strips, total, "photos");
     });

@@ -9,6 +9,8 @@
 
 namespace patina {
 
+class PhotoCorrection;
+
 /// Some image rows of all photographs, at the sites on them. Where sites are groups of pixels, each strip
 /// brings a part of their sum; parts add up to the mean.
 struct SiteStrip {
@@ -19,9 +21,10 @@ struct SiteStrip {
 
 /// Reads photographs (indices into capture.photos) strip by strip, all of them side by side, each file once
 /// from top to bottom, and hands every strip to `take`, one after the other. The strips take an eighth of the
-/// memory limit, or 16 rows where that is more. Errors: those of readPhoto; what `take` returns; Cancelled.
+/// memory limit, or 16 rows where that is more. `correction` is undone pixel by pixel, after the look for
+/// saturated ones; null: nothing. Errors: those of readPhoto; what `take` returns; Cancelled.
 Status readSites(const FourierCapture& capture, const SiteSet& sites, std::span<const int> photos,
                  const MeasurementStorage& storage, std::string_view stage, const JobContext& job,
-                 const std::function<Status(const SiteStrip&)>& take);
+                 const PhotoCorrection* correction, const std::function<Status(const SiteStrip&)>& take);
 
 }  // namespace patina

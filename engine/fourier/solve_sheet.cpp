@@ -77,7 +77,7 @@ class SheetSolver {
         hasStart_(solution_.size(), 0),
         changed_(solution_.size(), 0) {}
 
-  void run() {
+  void run(std::span<const SvbrdfParameters> known) {
     if (state_.options.schedule == FitSchedule::Paper) {
       const StageClock clock(state_.stats, "solve");
       // Only a stop before anything was known fails; the sites are then marked as cancelled.
@@ -89,7 +89,11 @@ class SheetSolver {
     } else {
       {
         const StageClock clock(state_.stats, "levels");
-        start();
+        if (known.size() == solution_.size()) {
+          startFrom(known);
+        } else {
+          start();
+        }
       }
       const StageClock clock(state_.stats, "solve");
       Counter solving{"solve", static_cast<std::int64_t>(solution_.size())};
@@ -114,6 +118,21 @@ class SheetSolver {
     for (std::size_t s = 0; s < solution_.size(); ++s)
       hasStart_[s] =
           solution_[s].outcome != SolveOutcome::Failed && std::isfinite(solution_[s].lobe.logSigma);
+  }
+
+  /// As `start`, from solutions that are known already.
+  void startFrom(std::span<const SvbrdfParameters> known) {
+    constexpr float kSmallestExcess = 1e-3f;  // of gamma over 1: its logarithm is what is solved for
+    for (std::size_t s = 0; s < solution_.size(); ++s) {
+      const SvbrdfParameters& p = known[s];
+      SiteSolution& to = solution_[s];
+      to.lobe = {std::log(p.sigma), std::log(std::max(p.kurtosis - 1, kSmallestExcess)),
+                 p.normal.x() / p.normal.z(), p.normal.y() / p.normal.z()};
+      for (int c = 0; c < 3; ++c) to.diffuse[c] = p.diffuse[c], to.specular[c] = p.specular[c];
+      hasStart_[s] = std::isfinite(to.lobe.logSigma) && std::isfinite(to.lobe.logKurtosis) &&
+                     std::isfinite(to.lobe.slopeX) && std::isfinite(to.lobe.slopeY);
+      if (hasStart_[s]) to.outcome = SolveOutcome::IterationLimit;
+    }
   }
 
   /// Every site once, run by run; runs that an earlier, unfinished fit left are taken over, the others kept
@@ -335,10 +354,10 @@ void fillSite(FourierFitState& state, std::size_t s, const SiteSolution& found, 
 
 }  // namespace
 
-void solveSheet(FourierFitState& state, const JobContext& job) {
+void solveSheet(FourierFitState& state, const JobContext& job, std::span<const SvbrdfParameters> start) {
   const std::size_t count = state.measurements.sites.size();
   SheetSolver solver(state, job);
-  solver.run();
+  solver.run(start);
   const std::vector<SiteSolution> solution = solver.take();
   state.sites.resize(count);
   state.siteStatus.assign(count, TexelStatus::Cancelled);

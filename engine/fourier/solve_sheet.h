@@ -1,7 +1,10 @@
 #pragma once
 
+#include <span>
+
 #include "engine/base/job.h"
 #include "engine/fourier/solver.h"
+#include "engine/surface/svbrdf_parameters.h"
 
 namespace patina {
 
@@ -12,8 +15,9 @@ struct FourierFitState;
 SolverSetup solverSetup(const FourierFitState& state);
 
 /// Solves every site of `state.measurements` and fills `sites`, `siteStatus`, `siteResidual` and the counts
-/// in `stats`. Progress stages: "levels", "upsample", "solve", "rescue". Cancelled: what was solved so far is
-/// kept, the rest marked.
-void solveSheet(FourierFitState& state, const JobContext& job);
+/// in `stats`. `start`: solutions to begin with, one a site, instead of the coarse levels (schedule
+/// Independent only); must not be `state.sites`. Progress stages: "levels", "upsample", "solve", "rescue".
+/// Cancelled: what was solved so far is kept, the rest marked.
+void solveSheet(FourierFitState& state, const JobContext& job, std::span<const SvbrdfParameters> start = {});
 
 }  // namespace patina

@@ -120,7 +120,7 @@ void mendRows(const FourierMeasurements& m, const SiteBlock& block, const Pool& 
 SiteData Tile::describe(const FourierFitState& state, std::size_t site, const Eigen::Vector2d& point,
                         double varianceShare, const float* z, const float* dc, float* diffuse) const {
   SiteData out;
-  out.geometry = siteGeometry(state.frame, {point.x(), point.y(), 0}, state.capture.camera.positionMm());
+  out.geometry = state.geometry(site, point);
   state.diffuse->at(point, diffuse);
   out.diffuse = diffuse;
   out.z = z;

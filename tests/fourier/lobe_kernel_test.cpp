@@ -4,60 +4,10 @@
 #include <complex>
 #include <numbers>
 
-#include "tests/fourier/rig.h"
+#include "tests/fourier/brute_force.h"
 
 namespace patina::test {
 namespace {
-
-using Complex = std::complex<double>;
-
-/// Integral over the lit rectangle, midpoint rule, of a microfacet lobe (density of half-vector slopes, unit
-/// shadowing, Schlick F0 = 0.06) times cosine, solid angle, window and emission, times exp(-i w x).
-/// Everything from directions; albedo 1.
-std::vector<Complex> bruteForce(const Rig& rig, const Eigen::Vector3d& pointMm, const SvbrdfParameters& p,
-                                const std::vector<Eigen::Vector2d>& frequencies, int steps) {
-  const Screen& screen = rig.screen;
-  const Eigen::Vector3d n = p.normal.cast<double>().normalized(),
-                        toView = (rig.cameraMm - pointMm).normalized();
-  const double gamma = p.kurtosis, c = std::sqrt(2 / (1 / (gamma * gamma) + gamma * gamma));
-  const double sigmas[2] = {c * p.sigma / gamma, c * p.sigma * gamma};
-  std::vector<Complex> sum(frequencies.size());
-  const double hx = screen.halfExtent().x(), hy = screen.halfExtent().y();
-  const double cell = (2 * hx / steps) * (2 * hy / steps) * screen.unitMm() * screen.unitMm();  // mm^2
-  const Eigen::Vector3d screenNormal = screen.worldFromScreen.col(2);
-  for (int j = 0; j < steps; ++j) {
-    for (int i = 0; i < steps; ++i) {
-      const Eigen::Vector2d x(hx * (2 * (i + 0.5) / steps - 1), hy * (2 * (j + 0.5) / steps - 1));
-      const Eigen::Vector3d onScreen =
-          screen.originMm + screen.worldFromScreen * Eigen::Vector3d(x.x(), x.y(), 0) * screen.unitMm();
-      const Eigen::Vector3d gap = onScreen - pointMm;
-      const double distance = gap.norm();
-      const Eigen::Vector3d toLight = gap / distance, half = (toLight + toView).normalized();
-      const double nl = n.dot(toLight), nv = n.dot(toView), nh = n.dot(half);
-      if (nl <= 0) continue;
-      const double slope2 = (1 - nh * nh) / (nh * nh);
-      double density = 0;
-      for (const double s : sigmas)
-        density += 0.5 * std::exp(-slope2 / (2 * s * s)) / (2 * std::numbers::pi * s * s);
-      const double fresnel = (0.06 + 0.94 * std::pow(1 - toLight.dot(half), 5)) / 0.06;
-      const double brdf = density / std::pow(nh, 4) * fresnel / (4 * nl * nv);
-      // emission: what an eye at unit distance in front of the centre sees at the point with the same
-      // direction
-      const double height = -gap.dot(screenNormal) / screen.unitMm();
-      const Eigen::Vector2d foot =
-          (screen.worldFromScreen.leftCols<2>().transpose() * (pointMm - screen.originMm)) / screen.unitMm();
-      const Eigen::Array2d q =
-          ((x - foot) / height - screen.emission->mean).array() / screen.emission->sigma.array();
-      const Eigen::Array2d w = x.array() / screen.windowSigma.array();
-      const double light = screen.emission->gain * std::exp(-0.5 * (q.square().sum() + w.square().sum()));
-      const double cosScreen = -toLight.dot(screenNormal);
-      const double value = brdf * nl * light * cosScreen / (distance * distance) * cell;
-      for (std::size_t f = 0; f < frequencies.size(); ++f)
-        sum[f] += value * std::polar(1.0, -frequencies[f].dot(x));
-    }
-  }
-  return sum;
-}
 
 const std::vector<Eigen::Vector2d> kFrequencies = {{0, 0}, {1, 0}, {0, 1},   {2, -2}, {3, 3},
                                                    {6, 0}, {0, 6}, {10, 10}, {20, 0}};
