@@ -274,9 +274,9 @@ Status PngRows::next(std::span<std::uint16_t> out) {
   return Done{};
 }
 
-Status writePng(const std::filesystem::path& file, const Image& displayEncoded) {
+Result<std::string> encodePng(const Image& displayEncoded) {
   if (displayEncoded.empty() || (displayEncoded.channels() != 1 && displayEncoded.channels() != 3)) {
-    throw std::invalid_argument("writePng: a picture of one or three channels");
+    throw std::invalid_argument("encodePng: a picture of one or three channels");
   }
   std::vector<unsigned char> pixels(displayEncoded.samples().size());
   for (std::size_t i = 0; i < pixels.size(); ++i) {
@@ -296,11 +296,21 @@ Status writePng(const std::filesystem::path& file, const Image& displayEncoded) 
   const std::string message = image.message;
   png_image_free(&image);
   if (!written) {
-    return Error{ErrorCode::WriteFailed, "the image can't be made: " + inQuotes(message), file.string(),
+    return Error{ErrorCode::WriteFailed, "the image can't be made: " + inQuotes(message), "",
                  "free some memory"};
   }
   bytes.resize(size);
-  return writeFileAtomically(file, bytes);
+  return bytes;
+}
+
+Status writePng(const std::filesystem::path& file, const Image& displayEncoded) {
+  auto bytes = encodePng(displayEncoded);
+  if (!bytes) {
+    Error error = bytes.error();
+    error.where = file.string();
+    return error;
+  }
+  return writeFileAtomically(file, *bytes);
 }
 
 }  // namespace patina

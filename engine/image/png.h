@@ -44,6 +44,10 @@ class PngRows {
   std::unique_ptr<State> state_;
 };
 
+/// The bytes of an 8-bit PNG of 1 or 3 channels, values as `writePng` takes them. Errors: WriteFailed (no
+/// memory).
+Result<std::string> encodePng(const Image& displayEncoded);
+
 /// Writes 1 or 3 channels, values 0..1 taken as already display-encoded, clamped (not a number: 0), as 8-bit
 /// PNG. Atomic like `writeExr`.
 Status writePng(const std::filesystem::path& file, const Image& displayEncoded);
