@@ -24,7 +24,7 @@ class DiffuseTransform {
   /// `frequencies` in pattern units; `sampleSizeMm` the rectangle that points lie in (z = 0), or that the
   /// sheet bends over: the table's nodes lie on its surface then. Heights that nine Chebyshev polynomials a
   /// side don't follow get a second table, the derivative with respect to the height: of the rest, what is
-  /// left is (rest / distance)^2 of DC, 3e-5 for a millimetre.
+  /// left is of second order, 1e-4 of DC for a millimetre.
   /// Frequencies with a component beyond 48 have no diffuse part that any camera could see (below 1e-5 of
   /// DC); they give 0.
   DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sampleSizeMm,

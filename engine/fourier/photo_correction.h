@@ -10,7 +10,7 @@
 namespace patina {
 
 /// An increasing function of one number and its inverse, tabulated in steps of 1/256 of the number (its
-/// float's leading bits), linear between: relative error 1e-6 for curves as smooth as a power of 0.5 to 2.
+/// float's leading bits), linear between: relative error 4e-6 for curves as smooth as a power of 0.5 to 2.
 /// Linear through zero within +-2^-20; beyond 2^12 the function itself.
 class ToneTable {
  public:
