@@ -3,6 +3,7 @@
 #include <charconv>
 #include <memory>
 
+#include "app/cli/fit_flash.h"
 #include "app/cli/fit_folder.h"
 #include "app/cli/fit_report.h"
 #include "app/cli/fit_two_shot.h"
@@ -24,7 +25,9 @@ struct FitArguments {
   bool noPooling = false;
   FourierFitOptions options;
   TwoShotArguments twoShot;
-  std::vector<const CLI::Option*> fourierOnly, twoShotOnly;
+  FlashArguments flash;
+  std::vector<const CLI::Option*> fourierOnly, twoShotOnly, flashOnly;
+  std::vector<const CLI::Option*> mapsOnly;  ///< fourier and flash
 };
 
 /// "12,34"
@@ -63,7 +66,9 @@ FourierFitStorage storageBeside(const fs::path& out) {
 }
 
 int runFit(FitArguments& arguments, Context& context) {
-  if (arguments.effects != "none") {
+  const Result<std::string> kind = captureKind(arguments.bundle);
+  const bool twoShot = kind && *kind == "two-shot", flash = kind && *kind == "flash";
+  if (arguments.effects != "none" && !flash) {
     return context.misuse("effects (--effects " + arguments.effects +
                           ") are not in this version of patina-cli. Try: --effects none.");
   }
@@ -88,13 +93,23 @@ int runFit(FitArguments& arguments, Context& context) {
     texels.push_back(*texel);
   }
 
-  const Result<std::string> kind = captureKind(arguments.bundle);
-  const bool twoShot = kind && *kind == "two-shot";
-  const std::string wrong = typed(twoShot ? arguments.fourierOnly : arguments.twoShotOnly);
+  std::vector<const CLI::Option*> foreign;
+  const auto add = [&](const std::vector<const CLI::Option*>& options) {
+    foreign.insert(foreign.end(), options.begin(), options.end());
+  };
+  if (twoShot || flash) add(arguments.fourierOnly);
+  if (!twoShot) add(arguments.twoShotOnly);
+  if (!flash) add(arguments.flashOnly);
+  if (twoShot) add(arguments.mapsOnly);
+  const std::string wrong = typed(foreign);
   // What can't be told (no such bundle, another kind) is reported by the reader below.
-  if (!wrong.empty() && (twoShot || (kind && *kind == "fourier"))) {
+  if (!wrong.empty() && (twoShot || flash || (kind && *kind == "fourier"))) {
     return context.misuse(wrong + " doesn't apply to a bundle of kind '" + *kind +
                           "'. Try: patina-cli fit --help, which says what belongs to which kind.");
+  }
+  if (flash) {
+    arguments.flash.size = options.size, arguments.flash.effects = arguments.effects;
+    return runFlashFit(arguments.bundle, arguments.out, arguments.flash, context);
   }
   if (twoShot) return runTwoShotFit(arguments.bundle, arguments.out, arguments.twoShot, context);
 
@@ -165,7 +180,8 @@ int runFit(FitArguments& arguments, Context& context) {
 
 void addFitVerb(CLI::App& program, Context& context) {
   CLI::App* verb = program.add_subcommand(
-      "fit", "Fits a capture bundle: material maps (kind fourier) or a measured BRDF (kind two-shot)");
+      "fit",
+      "Fits a capture bundle: material maps (kinds fourier and flash) or a measured BRDF (kind two-shot)");
   verb->set_help_flag("-h,--help", "Print this help");
   auto arguments = std::make_shared<FitArguments>();
   const FourierFitOptions defaults;
@@ -177,17 +193,20 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->option_text(" ");
   verb->add_option(
           "--out", arguments->out,
-          "Folder for the results (kind fourier: maps/*.exr and fit.json; two-shot: brdf.binary, fit.json,\n"
-          "pictures); made if missing, replaced only where names are the same")
+          "Folder for the results (kinds fourier and flash: maps/*.exr and fit.json; two-shot: brdf.binary,\n"
+          "fit.json, pictures); made if missing, replaced only where names are the same")
       ->required()
       ->option_text("DIR");
   verb->add_option("--size", arguments->options.size,
                    byDefault("Longest side of the maps, texels; 0: what the photographs resolve",
                              std::to_string(defaults.size)))
       ->option_text("N");
-  verb->add_option("--effects", arguments->effects,
-                   byDefault("Effects beyond the standard model; this version has only: none", "none"))
-      ->option_text("none");
+  verb->add_option(
+          "--effects", arguments->effects,
+          byDefault("Effects beyond the standard model, fitted with it; kind flash: ids with commas\n"
+                    "between them (docs/flash.md), other kinds: none",
+                    "none"))
+      ->option_text("none|ID,ID");
 
   constexpr const char* kModel = "Bundles of kind fourier";
   verb->add_option("--lobe", arguments->lobe,
@@ -265,6 +284,12 @@ void addFitVerb(CLI::App& program, Context& context) {
                  "Every pixel counts alike, as in the paper, whatever its noise")
       ->group(kTwoShot);
 
+  verb->add_option("--materials", arguments->flash.materials,
+                   byDefault("Groups of texels that share a highlight's shape, 1 to 8; 0: chosen by colour",
+                             std::to_string(arguments->flash.materials)))
+      ->option_text("N")
+      ->group("Bundles of kind flash");
+
   constexpr const char* kLook = "Looking inside (kind fourier)";
   verb->add_option(
           "--texel", arguments->texels,
@@ -279,14 +304,15 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->option_text("DIR")
       ->group(kLook);
   addCommonOptions(*verb, context);
-  for (const char* name :
-       {"--size", "--lobe", "--weights", "--max-iterations", "--tolerance", "--no-restarts", "--no-pooling",
-        "--schedule", "--memory", "--texel", "--dump-dir"}) {
+  for (const char* name : {"--lobe", "--weights", "--max-iterations", "--tolerance", "--no-restarts",
+                           "--no-pooling", "--schedule", "--memory", "--texel", "--dump-dir"}) {
     arguments->fourierOnly.push_back(verb->get_option(name));
   }
   for (const char* name : {"--basis", "--eta", "--clusters", "--rows", "--no-noise-weights"}) {
     arguments->twoShotOnly.push_back(verb->get_option(name));
   }
+  arguments->flashOnly.push_back(verb->get_option("--materials"));
+  arguments->mapsOnly.push_back(verb->get_option("--size"));
   verb->callback(
       [arguments, &context] { context.run = [arguments, &context] { return runFit(*arguments, context); }; });
 }

@@ -12,6 +12,7 @@ std::string stageTitle(std::string_view stage) {
       {"levels", "Fitting coarse levels"},
       {"measure", "Measuring the BRDF"},
       {"solve", "Fitting"},
+      {"texels", "Fitting texels"},
       {"rescue", "Retrying stuck texels"},
       {"upsample", "Refining the coarse solution"},
       {"maps", "Making the maps"},
