@@ -5,10 +5,7 @@
 
 #include "engine/base/atomic_file.h"
 #include "engine/base/file.h"
-#if __has_include("engine/flash/fit.h")
 #include "engine/flash/fit.h"
-#define PATINA_HAS_FLASH_FIT 1
-#endif
 #include "engine/fourier/fit.h"
 #include "engine/image/exr.h"
 #include "engine/render/two_shot_pictures.h"
@@ -54,10 +51,8 @@ Status writeFit(const fs::path& folder, const Explanation& explanation) {
   if (const auto& fit = explanation.twoShotAfter ? explanation.twoShotAfter : explanation.twoShotBefore)
     return writeTwoShotFit(folder, *fit,
                            [&](const fs::path& staged) { return writeTwoShotPictures(staged, *fit, {}); });
-#ifdef PATINA_HAS_FLASH_FIT
   if (const auto& fit = explanation.flashAfter ? explanation.flashAfter : explanation.flashBefore)
     return writeFlashFit(folder, *fit);
-#endif
   return Done{};
 }
 
@@ -72,6 +67,8 @@ Status noteEffects(const fs::path& file, const Explanation& explanation) {
   std::string changed;
   try {
     Json json = Json::parse(*text);
+    // A fit that knows effects itself says so better.
+    if (json["options"].contains("effects") && !json["options"]["effects"].is_string()) return Done{};
     json["options"]["effects"] = ids;
     changed = json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
   } catch (const nlohmann::json::exception& problem) {

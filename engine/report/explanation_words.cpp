@@ -63,19 +63,29 @@ std::string shortNumber(double value) {
   if (!std::isfinite(value)) return "?";
   if (value == 0) return "0";
   const double size = std::abs(value);
+  const auto trimmed = [](std::string number) {
+    if (number.find('.') == std::string::npos) return number;
+    number.erase(number.find_last_not_of('0') + 1);
+    if (number.back() == '.') number.pop_back();
+    return number;
+  };
   char text[48];
-  if (size < 0.001 || size >= 99999.5) {
-    std::snprintf(text, sizeof text, "%.2e", value);
-    return text;
+  if (size < 1e-4 || size >= 99999.5) {
+    const int power = static_cast<int>(std::floor(std::log10(size)));
+    std::snprintf(text, sizeof text, "%.2f", value / std::pow(10.0, power));
+    return trimmed(text) + "e" + std::to_string(power);
   }
   const int digits = std::max(0, 2 - static_cast<int>(std::floor(std::log10(size))));
   std::snprintf(text, sizeof text, "%.*f", digits, value);
-  std::string shown = text;
-  if (shown.find('.') != std::string::npos) {
-    shown.erase(shown.find_last_not_of('0') + 1);
-    if (shown.back() == '.') shown.pop_back();
-  }
-  return shown;
+  return trimmed(text);
+}
+
+std::string wholePercent(double share) {
+  if (!(share >= 0) || !std::isfinite(share)) return "not known";
+  if (share > 0.99 && share < 1) return "over 99 %";
+  char text[48];
+  std::snprintf(text, sizeof text, share < 0.1 ? "%.1f %%" : "%.0f %%", 100 * share);
+  return text;
 }
 
 std::string percent(double share) {
@@ -110,10 +120,31 @@ std::string parameterWords(const std::string& name) {
   return words;
 }
 
+namespace {
+
+/// A part of a whole, which people read as percent.
+bool isShare(const std::string& name) {
+  return name == "share" || name == "perPhoto" || name == "cornerLoss" || name == "compression" ||
+         name.ends_with("Change");
+}
+
+}  // namespace
+
+std::string amountText(const std::string& parameter, double value, const std::string& unit) {
+  if (unit.empty() && isShare(parameter) && std::isfinite(value)) return shortNumber(100 * value) + " %";
+  return shortNumber(value) + (unit.empty() ? "" : " " + unit);
+}
+
 std::string estimateText(const EffectEstimate& estimate) {
-  std::string text = parameterWords(estimate.name) + " " + shortNumber(estimate.value);
-  if (estimate.sd > 0 && std::isfinite(estimate.sd)) text += " \u00b1 " + shortNumber(estimate.sd);
-  if (!estimate.unit.empty()) text += " " + estimate.unit;
+  std::string text = parameterWords(estimate.name) + " ";
+  const std::string amount = amountText(estimate.name, estimate.value, estimate.unit);
+  const std::size_t unit = amount.find(' ');  // the deviation goes before it
+  text += amount.substr(0, unit);
+  if (estimate.sd > 0 && std::isfinite(estimate.sd)) {
+    const std::string sd = amountText(estimate.name, estimate.sd, estimate.unit);
+    text += " \u00b1 " + sd.substr(0, sd.find(' '));
+  }
+  if (unit != std::string::npos) text += amount.substr(unit);
   if (!estimate.where.empty()) text += " (" + estimate.where + ")";
   return text;
 }
@@ -164,7 +195,7 @@ ExplanationVerdict verdictOf(const Explanation& explanation) {
           "The standard model lacks one thing: " + uncapitalised(effectTitle(effects.front().id)) + ".";
     } else {
       std::vector<std::string> titles;
-      for (const auto& effect : effects) titles.push_back(uncapitalised(effectTitle(effect.id)));
+      for (const auto& effect : effects) titles.push_back("\u201c" + effectTitle(effect.id) + "\u201d");
       verdict.headline =
           "The standard model lacks " + counted(effects.size(), "thing") + ": " + joined(titles, "and") + ".";
     }

@@ -18,7 +18,9 @@ ExplanationVerdict verdictOf(const Explanation& explanation);
 
 /// Title of an effect; its id where the catalogue doesn't have it.
 std::string effectTitle(const std::string& id);
-/// "0.94 (standard deviation 0.01)" with its unit and where it holds: "ratio 1.32 ± 0.02".
+/// A parameter's value with its unit, shares of a whole as percent: "1.2 mm", "2.1 %", "1.32".
+std::string amountText(const std::string& parameter, double value, const std::string& unit);
+/// With its name, standard deviation and where it holds: "ratio 1.32 ± 0.02 (left half)".
 std::string estimateText(const EffectEstimate& estimate);
 /// A parameter's name as words: "edgeChange" is "edge change", "distanceMm" is "distance".
 std::string parameterWords(const std::string& name);
@@ -28,7 +30,9 @@ std::string evidenceWords(const EffectFinding& finding);
 double evidenceShare(const EffectFinding& finding);
 /// "8.21 %", "0.034 %"; "not known" for less than zero and what is no number.
 std::string percent(double share);
-/// Three significant digits, no exponent between 0.001 and 100000; "not a number" is "?".
+/// "87 %", "4.2 %": for shares that nobody wants digits of.
+std::string wholePercent(double share);
+/// Three significant digits, no exponent between 0.0001 and 100000; "not a number" is "?".
 std::string shortNumber(double value);
 
 /// The error that the verdict speaks of, held-out where there is one.

@@ -32,8 +32,10 @@ std::string track(double share, const char* kind, double mark = -1) {
   return html + "</div>";
 }
 
-std::string paragraph(const std::string& text, const char* kind = "") {
+std::string paragraph(std::string text, const char* kind = "") {
   if (text.empty()) return {};
+  for (std::size_t at = text.find(" %"); at != std::string::npos; at = text.find(" %", at))
+    text.replace(at, 1, "\u00a0");  // no line begins with a percent sign
   return "<p" + (*kind ? " class=\"" + std::string(kind) + "\"" : std::string()) + ">" + escaped(text) +
          "</p>";
 }
@@ -96,10 +98,10 @@ std::string evidence(const EffectFinding& finding) {
   }
   if (finding.explained > 0)
     row(finding.explained, "after",
-        "Explains " + percent(finding.explained) + " of what is above the noise, by itself");
+        "Explains " + wholePercent(finding.explained) + " of what is above the noise, by itself");
   if (finding.added && finding.confidence > 0)
     row(finding.confidence, "after",
-        "Confidence that this is the right name: " + percent(finding.confidence));
+        "Confidence that this is the right name: " + wholePercent(finding.confidence));
   if (finding.holdoutRmsWith >= 0 && finding.holdoutRmsWithout > 0)
     row(finding.holdoutRmsWith / finding.holdoutRmsWithout, "before",
         "Error of prediction without it " + percent(finding.holdoutRmsWithout) + ", with it " +
@@ -304,8 +306,8 @@ std::string budget(const Explanation& explanation) {
   for (const BudgetLine& line : explanation.budget) {
     html += "<tr><td><b>" + escaped(effectTitle(line.id)) + "</b><br/><code class=\"tag\">" +
             escaped(line.id) + "</code></td><td class=\"number\">" +
-            escaped(shortNumber(line.largestUnseen)) + (line.unit.empty() ? "" : " " + escaped(line.unit)) +
-            "<br/><span class=\"tag\">" + escaped(parameterWords(line.parameter)) + "</span></td><td>";
+            escaped(amountText(line.parameter, line.largestUnseen, line.unit)) + "<br/><span class=\"tag\">" +
+            escaped(parameterWords(line.parameter)) + "</span></td><td>";
     for (std::size_t i = 0; i < line.shifts.size(); ++i) {
       const BudgetLine::Shift& shift = line.shifts[i];
       html += (i > 0 ? "<br/>" : "") + escaped(shift.quantity + ": " + shortNumber(shift.value) +

@@ -59,6 +59,7 @@ figcaption { font-size: 13.5px; color: var(--dim); margin-top: 5px; }
 .plot .tick { font-size: 11.5px; } .plot .label { font-size: 12px; }
 .plot .grid { stroke: var(--line); stroke-width: 1; } .plot .zero { stroke: var(--noise); stroke-width: 1; }
 .plot .axis { stroke: var(--dim); stroke-width: 1.2; }
+.plot .level { stroke: var(--after); stroke-width: 3; }
 .plot .expected { fill: none; stroke: var(--after); stroke-width: 2.2; stroke-linejoin: round; }
 .plot .seen { fill: var(--before); } .plot .bar { stroke: var(--before); stroke-width: 1.2; opacity: .75; }
 .plot .before { fill: var(--before); } .plot .after { fill: var(--after); }
@@ -67,7 +68,7 @@ figcaption { font-size: 13.5px; color: var(--dim); margin-top: 5px; }
 .key span::before { content: ""; display: inline-block; width: 12px; height: 12px; border-radius: 3px;
   background: var(--swatch); margin-right: 6px; vertical-align: -1px; }
 .k-before { --swatch: var(--before); } .k-after { --swatch: var(--after); } .k-noise { --swatch: var(--noise); }
-.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 270px), 1fr)); gap: 16px; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 270px), 1fr)); gap: 16px; }
 .pictures img { display: block; width: 100%; height: auto; image-rendering: pixelated; background: #595959; }
 .wipe { position: relative; --at: 50%; line-height: 0; }
 .wipe .over { position: absolute; inset: 0; clip-path: inset(0 0 0 var(--at)); }
@@ -85,6 +86,7 @@ th { text-align: left; font-weight: 600; color: var(--dim); font-size: 13px; }
 th, td { padding: 6px 12px 6px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 tbody tr:last-child td { border-bottom: 0; }
 td.number, th.number { text-align: right; }
+th.number { font-size: 13px; }
 td.file { overflow-wrap: anywhere; min-width: 130px; }
 td .track { width: 130px; height: 11px; margin-top: 5px; }
 details { margin-top: 10px; } summary { cursor: pointer; color: var(--after); }

@@ -63,24 +63,24 @@ struct Axes {
   std::string draw(const std::string& xLabel, const std::string& yLabel,
                    const std::vector<std::string>& names) const {
     std::string svg;
-    for (const double tick : roundTicks(y.low, y.high, 4)) {
+    for (const double tick : svgTicks(y.low, y.high, 4)) {
       svg += svgLine(kLeft, placeY(tick), kWidth - kRight, placeY(tick), tick == 0 ? "zero" : "grid");
       svg += svgText(kLeft - 6, placeY(tick) + 4, "end", "tick", shortNumber(tick));
     }
     if (names.empty()) {
-      for (const double tick : roundTicks(x.low, x.high, 5))
+      for (const double tick : svgTicks(x.low, x.high, 5))
         svg += svgText(placeX(tick), kHeight - kBottom + 16, "middle", "tick", shortNumber(tick));
     } else {
-      // As many as fit beside each other.
-      const std::size_t longest =
-          std::ranges::max_element(names, {}, [](const std::string& name) { return name.size(); })->size();
-      const double each =
-          std::min<double>(7.0 * static_cast<double>(std::min<std::size_t>(longest, 14)), 90) + 8;
-      const auto fit = static_cast<std::size_t>(std::max(1.0, (kWidth - kLeft - kRight) / each));
+      // All of a few, cut to what fits; of many, some.
+      constexpr double kCharacter = 6.4, kLeast = 44;
+      const double room = kWidth - kLeft - kRight;
+      const auto fit = static_cast<std::size_t>(room / kLeast);
       const std::size_t stride = (names.size() + fit - 1) / fit;
+      const double each = room * static_cast<double>(stride) / static_cast<double>(names.size());
+      const auto characters = static_cast<std::size_t>(std::max(3.0, (each - 6) / kCharacter));
       for (std::size_t i = 0; i < names.size(); i += stride)
         svg += svgText(placeX(static_cast<double>(i)), kHeight - kBottom + 16, "middle", "tick",
-                       shortened(names[i], 14));
+                       shortened(names[i], characters));
     }
     svg += svgLine(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "axis");
     svg += svgText((kLeft + kWidth - kRight) / 2, kHeight - 10, "middle", "label", shortened(xLabel, 60));
@@ -122,7 +122,7 @@ std::string line(const Axes& axes, const std::vector<double>& x, const std::vect
 
 }  // namespace
 
-std::vector<double> roundTicks(double low, double high, int count) {
+std::vector<double> svgTicks(double low, double high, int count) {
   std::vector<double> ticks;
   if (!(high > low) || !std::isfinite(low) || !std::isfinite(high) || count < 1) return ticks;
   const double rough = (high - low) / count;
@@ -163,10 +163,22 @@ std::string signatureSvg(const SignaturePlot& plot) {
     axes.y.take(plot.seen[i]);
   }
   if (!axes.x.known() || !axes.y.known()) return {};
-  axes.x.widen(0.04), axes.y.widen(0.08);
+  if (plot.xNames.empty())
+    axes.x.widen(0.04);
+  else
+    axes.x.low -= 0.5, axes.x.high += 0.5;
+  axes.y.widen(0.08);
   std::string svg = opening(kWidth, kHeight, plot.title + ": expected and seen");
   svg += axes.draw(plot.xLabel, plot.yLabel, plot.xNames);
-  svg += line(axes, x, plot.expected);
+  if (plot.xNames.empty()) {
+    svg += line(axes, x, plot.expected);
+  } else {
+    // Between categories there is nothing: a level each.
+    for (std::size_t i = 0; i < std::min(x.size(), plot.expected.size()); ++i)
+      if (std::isfinite(plot.expected[i]))
+        svg += svgLine(axes.placeX(x[i] - 0.3), axes.placeY(plot.expected[i]), axes.placeX(x[i] + 0.3),
+                       axes.placeY(plot.expected[i]), "level");
+  }
   for (std::size_t i = 0; i < std::min(x.size(), plot.seen.size()); ++i)
     if (std::isfinite(x[i]) && std::isfinite(plot.seen[i])) svg += dot(axes, x[i], plot.seen[i], sdAt(i));
   return svg + "</svg>";

@@ -19,6 +19,6 @@ std::string photoCurveSvg(const PhotoCurve& curve);
 std::string breakdownSvg(const ResidualBreakdown& breakdown, std::size_t most, std::size_t* leftOut);
 
 /// Round values between `low` and `high`, about `count` of them.
-std::vector<double> roundTicks(double low, double high, int count);
+std::vector<double> svgTicks(double low, double high, int count);
 
 }  // namespace patina

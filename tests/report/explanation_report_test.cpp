@@ -101,7 +101,8 @@ TEST(ExplanationVerdict, SaysInOneSentenceWhatIsMissing) {
   const auto found = verdictOf(test::madeUpExplanation());
   EXPECT_EQ(found.mood, ExplanationVerdict::Mood::Found);
   EXPECT_THAT(found.headline, HasSubstr("2 things"));
-  EXPECT_THAT(found.headline, HasSubstr("brushed or stretched highlights and the screen flickers"));
+  EXPECT_THAT(found.headline,
+              HasSubstr("Brushed or stretched highlights\u201d and \u201cThe screen flickers"));
   EXPECT_THAT(found.detail, HasSubstr("4.83 % before, 1.12 % after"));
   EXPECT_THAT(found.detail, HasSubstr("noise alone is 1.04 %"));
 
@@ -134,7 +135,15 @@ TEST(ExplanationWords, NumbersAreShortAndNeverNonsense) {
   EXPECT_EQ(shortNumber(0), "0");
   EXPECT_EQ(shortNumber(1234.4), "1234");
   EXPECT_EQ(shortNumber(0.00123), "0.00123");
+  EXPECT_EQ(shortNumber(0.00060), "0.0006");
+  EXPECT_EQ(shortNumber(3e-9), "3e-9");
+  EXPECT_EQ(shortNumber(-2.55e7), "-2.55e7");
   EXPECT_EQ(shortNumber(NAN), "?");
+  EXPECT_EQ(amountText("edgeChange", 0.021, ""), "2.1 %");
+  EXPECT_EQ(amountText("shiftMm", 1.2, "mm"), "1.2 mm");
+  EXPECT_EQ(amountText("ratio", 1.32, ""), "1.32");
+  EXPECT_EQ(estimateText({"edgeChange", "", 0.3, 0.02, "blue"}), "edge change 30 \u00b1 2 % (blue)");
+  EXPECT_EQ(wholePercent(0.87), "87 %");
   EXPECT_EQ(percent(0.0483), "4.83 %");
   EXPECT_EQ(percent(-1), "not known");
   EXPECT_EQ(percent(NAN), "not known");
@@ -176,7 +185,8 @@ TEST(ExplanationReport, NeedsNoNetwork) {
 
 TEST(ExplanationReport, SaysTheVerdictFirstAndEverythingThatWasFound) {
   const Explanation explanation = test::madeUpExplanation();
-  const std::string page = reportOf(explanation);
+  std::string page = reportOf(explanation);
+  for (std::size_t at; (at = page.find("\u00a0%")) != std::string::npos;) page.replace(at, 2, " ");
   const std::size_t verdict = page.find("<h1>");
   ASSERT_NE(verdict, std::string::npos);
   EXPECT_LT(verdict, page.find("<h2>"));
@@ -236,16 +246,16 @@ TEST(Html, APictureComesBackFromItsUri) {
 }
 
 TEST(SvgPlots, TicksAreRoundAndInside) {
-  EXPECT_THAT(roundTicks(0, 10, 5), testing::ElementsAre(0, 2, 4, 6, 8, 10));
+  EXPECT_THAT(svgTicks(0, 10, 5), testing::ElementsAre(0, 2, 4, 6, 8, 10));
   for (const auto& [low, high] :
        std::vector<std::pair<double, double>>{{-0.013, 0.047}, {1e-9, 3e-9}, {-4e6, 9e6}, {0.999, 1.001}}) {
-    const auto ticks = roundTicks(low, high, 4);
+    const auto ticks = svgTicks(low, high, 4);
     EXPECT_GE(ticks.size(), 2u) << low;
     EXPECT_LE(ticks.size(), 9u) << low;
     for (const double tick : ticks) EXPECT_TRUE(tick >= low - 1e-12 && tick <= high * (1 + 1e-9)) << tick;
   }
-  EXPECT_TRUE(roundTicks(1, 1, 4).empty());
-  EXPECT_TRUE(roundTicks(NAN, 1, 4).empty());
+  EXPECT_TRUE(svgTicks(1, 1, 4).empty());
+  EXPECT_TRUE(svgTicks(NAN, 1, 4).empty());
 }
 
 TEST(SvgPlots, NothingToDrawIsNothing) {
