@@ -17,6 +17,8 @@ constexpr int kGap = 6;  ///< between two pictures
 }  // namespace
 
 ComparisonView::ComparisonView(QWidget* parent) : QWidget(parent) {
+  firstName_ = tr("photograph");
+  secondName_ = tr("reconstruction");
   setObjectName(QStringLiteral("comparisonView"));
   setMouseTracking(true);
   setFocusPolicy(Qt::StrongFocus);
@@ -38,6 +40,12 @@ void ComparisonView::setPictures(std::shared_ptr<const Image> captured,
     hover_.reset();
     Q_EMIT hovered(hover_);
   }
+  update();
+}
+
+void ComparisonView::setNames(const QString& first, const QString& second) {
+  firstName_ = first;
+  secondName_ = second;
   update();
 }
 
@@ -244,7 +252,7 @@ void ComparisonView::paintEvent(QPaintEvent*) {
     return;
   }
   painter.setFont(theme::captionFont());
-  const QString photograph = tr("photograph"), rendered = tr("reconstruction");
+  const QString &photograph = firstName_, &rendered = secondName_;
   if (!rendered_.picture()) {
     paintLabel(painter, {8, 8}, photograph, false);
   } else if (mode_ == ComparisonMode::Wipe) {
@@ -272,7 +280,7 @@ void ComparisonView::paintEvent(QPaintEvent*) {
     paintLabel(painter, {8, 8}, photograph, false);
     paintLabel(painter, second + QPointF(8, 8), rendered, false);
   } else {
-    paintLabel(painter, {8, 8}, tr("(reconstruction \u2212 photograph) / photograph"), false);
+    paintLabel(painter, {8, 8}, tr("(%2 \u2212 %1) / %1").arg(firstName_, secondName_), false);
   }
   focusRing_.paint(painter, *this);
 }

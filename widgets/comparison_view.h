@@ -29,6 +29,8 @@ class ComparisonView : public QWidget {
   /// Linear R G B of one size and unit; `rendered` may be null. Zoom and place stay where the size does.
   void setPictures(std::shared_ptr<const Image> captured, std::shared_ptr<const Image> rendered);
   void setEmptyText(const QString& text);
+  /// What the two are called; "photograph" and "reconstruction" at first.
+  void setNames(const QString& first, const QString& second);
   void setMode(ComparisonMode mode);
   ComparisonMode mode() const { return mode_; }
   /// Of both pictures.
@@ -97,7 +99,7 @@ class ComparisonView : public QWidget {
   ToneSettings tone_;
   double differenceRange_ = 0.5;
   float darkFloor_ = 1e-6f;
-  QString emptyText_;
+  QString emptyText_, firstName_, secondName_;
   FocusRing focusRing_;
 
   QImage canvas_;

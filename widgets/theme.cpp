@@ -50,6 +50,15 @@ void drawIcon(QPainter& painter, const QString& name, const QColor& ink) {
     for (const QPointF& dot : {QPointF(5.5, 15), QPointF(9.5, 11.5), QPointF(15.5, 9), QPointF(18.5, 15.5)})
       painter.drawEllipse(dot, 0.9, 0.9);
     painter.setBrush(Qt::NoBrush);
+  } else if (name == "explain") {
+    // A lens over what is left.
+    path.addEllipse(QPointF(10, 10), 6.2, 6.2);
+    path.moveTo(14.6, 14.6);
+    path.lineTo(20.5, 20.5);
+    path.moveTo(7, 11.2);
+    path.lineTo(9, 8.4);
+    path.lineTo(11, 11.4);
+    path.lineTo(13, 8.8);
   } else if (name == "cancel") {
     path.addRoundedRect(QRectF(6, 6, 12, 12), 1.5, 1.5);
   } else if (name == "undo" || name == "redo") {

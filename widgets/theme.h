@@ -32,7 +32,7 @@ inline constexpr QColor kGood{108, 190, 122};
 void apply(QApplication& application);
 
 /// Icons drawn from paths at the size asked for, so that they are sharp on any display. Names: "open",
-/// "save", "fit", "cancel", "undo", "redo", "zoom-fit", "zoom-actual", "auto-range", "reset", "light",
+/// "save", "fit", "explain", "cancel", "undo", "redo", "zoom-fit", "zoom-actual", "auto-range", "reset", "light",
 /// "close", "options", "app".
 QIcon icon(const QString& name);
 

@@ -28,7 +28,12 @@ std::string stageTitle(std::string_view stage) {
       {"tabulate", "Filling the table"},
       {"compare", "Comparing the BRDFs"},
       {"sphere", "Drawing the sphere"},
-      {"dump", "Writing stage images"}};
+      {"dump", "Writing stage images"},
+      {"fit", "Fitting the standard model"},
+      {"residual", "Looking at what is left"},
+      {"score", "Trying every effect on it"},
+      {"refit", "Fitting again with the likely ones"},
+      {"report", "Writing the report"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }
