@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "engine/fourier/site_geometry.h"
 #include "engine/surface/svbrdf_parameters.h"
 
 namespace patina {
@@ -35,6 +36,9 @@ struct FourierCorrections {
   /// where the search begins: there are no coarse levels then. Null, or of another length: levels, and with
   /// logEmission the sheet is solved twice.
   std::shared_ptr<const std::vector<SvbrdfParameters>> sites;
+
+  /// What lobes have beyond the standard model: [site], or one element for all of them; null: nothing.
+  std::shared_ptr<const std::vector<LobeTerms>> lobeTerms;
 
   /// What an effect adds to a site's measurements beyond the model, to be taken off them before the fit and
   /// in the comparison with photographs. z: [frequency][re R G B, im R G B], even: [frequency][I0 + I2 R G B,

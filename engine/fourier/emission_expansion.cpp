@@ -44,7 +44,7 @@ Footprint footprintOf(const ScreenFrame& frame, const SiteGeometry& site,
 }  // namespace
 
 EmissionExpansion expandEmission(const ScreenFrame& frame, const SiteGeometry& site,
-                                 const SvbrdfParameters& parameters) {
+                                 const SvbrdfParameters& parameters, LobeMapping mapping) {
   Footprint at = footprintOf(frame, site, parameters);
   // Beyond the lit area there is no light, and what the function says there means nothing.
   for (int k = 0; k < 2; ++k) {
@@ -57,21 +57,24 @@ EmissionExpansion expandEmission(const ScreenFrame& frame, const SiteGeometry& s
   }
   const double across = std::sqrt(1 - at.correlation * at.correlation);
   const Eigen::Vector2d foot(site.footX, site.footY);
-  // Weighted least squares in units of the standard deviations: 1, u, v, u^2, v^2.
-  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
-  Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
+  // Weighted least squares in units of the standard deviations: 1, u, v, u^2, v^2, u v.
+  using Terms = Eigen::Matrix<double, 6, 1>;
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Terms right = Terms::Zero();
+  const double mixed = mapping == LobeMapping::ExactMoments ? 1 : 0;
   for (int i = -1; i <= 1; ++i) {
     for (int j = -1; j <= 1; ++j) {
       const double u = kReach * i, v = at.correlation * u + across * kReach * j;
       const double weight = (i == 0 ? 4.0 : 1.0) * (j == 0 ? 4.0 : 1.0) / 36;
       const double value =
           frame.logEmission({at.mean[0] + at.sd[0] * u, at.mean[1] + at.sd[1] * v}, foot, site.distance);
-      const Eigen::Matrix<double, 5, 1> row{1, u, v, u * u, v * v};
+      const Terms row{1, u, v, u * u, v * v, mixed * u * v};
       normal += weight * row * row.transpose();
       right += weight * value * row;
     }
   }
-  const Eigen::Matrix<double, 5, 1> found = normal.ldlt().solve(right);
+  normal(5, 5) += 1 - mixed;  // without it, it is zero
+  const Terms found = normal.ldlt().solve(right);
   EmissionExpansion out;
   out.value = static_cast<float>(found[0]);
   for (int k = 0; k < 2; ++k) {
@@ -79,6 +82,7 @@ EmissionExpansion expandEmission(const ScreenFrame& frame, const SiteGeometry& s
     out.slope[k] = static_cast<float>(found[1 + k] / at.sd[k]);
     out.curve[k] = static_cast<float>(2 * found[3 + k] / (at.sd[k] * at.sd[k]));
   }
+  out.mixed = static_cast<float>(found[5] / (at.sd[0] * at.sd[1]));
   if (!found.allFinite()) return {};
   return out;
 }

@@ -82,7 +82,7 @@ Result<SiteSet> sitesWithinMemory(const FourierCapture& capture, const FourierFi
 }
 
 /// Every problem with corrections, one sentence each.
-std::vector<std::string> problemsOf(const FourierCorrections& corrections) {
+std::vector<std::string> problemsOf(const FourierCorrections& corrections, LobeMapping mapping) {
   std::vector<std::string> problems;
   constexpr float kSmallestDeterminant = 1e-3f;
   if (!corrections.unmix.allFinite() || !(std::abs(corrections.unmix.determinant()) > kSmallestDeterminant))
@@ -92,6 +92,15 @@ std::vector<std::string> problemsOf(const FourierCorrections& corrections) {
   if (!std::ranges::all_of(corrections.photoOffset, [](const auto& o) { return o.isFinite().all(); }))
     problems.push_back("every corrections.photoOffset must be finite");
   if (!(corrections.saturation >= 0)) problems.push_back("corrections.saturation must not be negative");
+  if (corrections.lobeTerms && mapping != LobeMapping::ExactMoments)
+    problems.push_back("corrections.lobeTerms need the exact mapping of the lobe");
+  constexpr float kMostStretch = 5;  // a ratio of 150
+  const auto possible = [](const LobeTerms& t) {
+    return std::hypot(t.stretch[0], t.stretch[1]) < kMostStretch && t.thirdShare >= 0 && t.thirdShare < 1 &&
+           t.thirdRatio > 0 && std::isfinite(t.thirdRatio);
+  };
+  if (corrections.lobeTerms && !std::ranges::all_of(*corrections.lobeTerms, possible))
+    problems.push_back("corrections.lobeTerms must be finite, with a third Gaussian's share in 0..1");
   return problems;
 }
 
@@ -148,6 +157,12 @@ Result<std::unique_ptr<FourierFitState>> runFit(const FourierCapture& capture,
     state->measurements = std::move(*measured);
   }
   const FourierMeasurements& m = state->measurements;
+  if (corrections && corrections->lobeTerms) {
+    state->lobeTerms = corrections->lobeTerms;
+    if (state->lobeTerms->size() != 1 && state->lobeTerms->size() != m.sites.size())
+      return Error{ErrorCode::Invalid, "corrections.lobeTerms must have one element, or one for each site",
+                   "fit options", ""};
+  }
   const int mapSize = siteSize > 0 ? siteSize : resolvedSize(capture, m.sites);
   state->stats.noiseShot = m.noise.shot;
   state->stats.noiseRead = m.noise.read;
@@ -234,19 +249,32 @@ void FourierFitState::expandEmissions(std::span<const SvbrdfParameters> solution
   SvbrdfParameters flat;
   flat.sigma = kFlatSheetSigma;
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t s) {
-    all[s] = expandEmission(frame, geometry(s), s < solutions.size() ? solutions[s] : flat);
+    all[s] = expandEmission(frame, geometry(s), s < solutions.size() ? solutions[s] : flat, options.lobe);
   });
   emission = std::move(all);
 }
 
 SiteGeometry FourierFitState::geometry(const Eigen::Vector2d& pointMm) const {
   const Eigen::Vector3d point = shape.pointMm(pointMm), cameraMm = capture.camera.positionMm();
-  const SiteGeometry plain = siteGeometry(frame, point, cameraMm);
-  if (!frame.logEmission) return plain;
-  SvbrdfParameters flat;
-  flat.sigma = kFlatSheetSigma;
-  const EmissionExpansion expansion = expandEmission(frame, plain, flat);
-  return siteGeometry(frame, point, cameraMm, &expansion);
+  SiteGeometry out = siteGeometry(frame, point, cameraMm);
+  if (frame.logEmission) {
+    SvbrdfParameters flat;
+    flat.sigma = kFlatSheetSigma;
+    const EmissionExpansion expansion = expandEmission(frame, out, flat, options.lobe);
+    out = siteGeometry(frame, point, cameraMm, &expansion);
+  }
+  if (lobeTerms && lobeTerms->size() == 1) out.lobe = lobeTerms->front();
+  return out;
+}
+
+LobeVariant FourierFitState::lobeVariant() const {
+  LobeVariant variant;
+  variant.skewedLight = !emission.empty() && options.lobe == LobeMapping::ExactMoments;
+  if (lobeTerms) {
+    variant.stretched = std::ranges::any_of(*lobeTerms, &LobeTerms::stretched);
+    variant.third = std::ranges::any_of(*lobeTerms, [](const LobeTerms& t) { return t.thirdShare > 0; });
+  }
+  return variant;
 }
 
 void removeUnfinished(const std::filesystem::path& keepFolder) {
@@ -288,7 +316,8 @@ Result<std::shared_ptr<const FourierFit>> fitFourier(const FourierCapture& captu
                                                      const FourierFitOptions& options, const JobContext& job,
                                                      const FourierFitStorage& storage) {
   auto problems = options.validate();
-  if (options.corrections) std::ranges::copy(problemsOf(*options.corrections), std::back_inserter(problems));
+  if (options.corrections)
+    std::ranges::copy(problemsOf(*options.corrections, options.lobe), std::back_inserter(problems));
   if (!problems.empty()) {
     std::string all;
     for (const auto& problem : problems) all += (all.empty() ? "" : "; ") + problem;

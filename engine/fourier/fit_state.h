@@ -26,6 +26,8 @@ struct FourierFitState {
   std::unique_ptr<DiffuseTransform> diffuse;  ///< zero frequency, then plan.fitted
   /// With FourierCorrections::logEmission: what each site's lobe sees of it; else empty.
   std::vector<EmissionExpansion> emission;
+  /// FourierCorrections::lobeTerms: one for each site, or one for all; null: nothing.
+  std::shared_ptr<const std::vector<LobeTerms>> lobeTerms;
   std::vector<SvbrdfParameters> sites;  ///< a solution for each site
   std::vector<TexelStatus> siteStatus;
   std::vector<float> siteResidual;
@@ -39,10 +41,15 @@ struct FourierFitState {
   }
   /// At another point of the plane near a site's: emission as the site's lobe sees it.
   SiteGeometry geometry(std::size_t site, const Eigen::Vector2d& pointMm) const {
-    return siteGeometry(frame, shape.pointMm(pointMm), capture.camera.positionMm(),
-                        emission.empty() ? nullptr : &emission[site]);
+    SiteGeometry out = siteGeometry(frame, shape.pointMm(pointMm), capture.camera.positionMm(),
+                                    emission.empty() ? nullptr : &emission[site]);
+    if (lobeTerms) out.lobe = (*lobeTerms)[lobeTerms->size() == 1 ? 0 : site];
+    return out;
   }
-  /// At any point of the plane: emission as a lobe of sigma 0.1 about a flat sheet's mirror point sees it.
+  /// What the corrections add to lobes.
+  LobeVariant lobeVariant() const;
+  /// At any point of the plane: lobe terms where all sites have the same, emission as a lobe of sigma 0.1
+  /// about a flat sheet's mirror point sees it.
   SiteGeometry geometry(const Eigen::Vector2d& pointMm) const;
   /// One over the variance of one component of Z, and of Z(0), as the options weigh them.
   struct Weights {

@@ -21,6 +21,7 @@ Result<PhotoError> photoError(FourierFitState& state, bool holdout, const JobCon
   const std::vector<FrequencyGroup>& groups = holdout ? m.plan.heldOut : m.plan.fitted;
   PhotoPrediction prediction(state.frame, {state.capture.sampleWidthMm, state.capture.sampleHeightMm}, groups,
                              state.options.lobe, state.diffuseMethod(), m.noise, state.shape);
+  prediction.variant = state.lobeVariant();
   // Errors stay those of the photographs as they were taken, whatever was corrected in them.
   const FourierCorrections none;
   const FourierCorrections& corrections = state.options.corrections ? *state.options.corrections : none;

@@ -58,6 +58,21 @@ class SiteLanes {
     site.lightPrecisionX = gather([](S s) { return s.geometry.lightPrecisionX; });
     site.lightPrecisionY = gather([](S s) { return s.geometry.lightPrecisionY; });
     site.lightPeak = gather([](S s) { return s.geometry.lightPeak; });
+    const LobeVariant& variant = shared.variant;
+    if (variant.skewedLight || variant.stretched) {
+      site.lightPrecisionXY = gather([](S s) { return s.geometry.lightPrecisionXY; });
+      site.shapeAlong = gather([](S s) { return lobeShape(s.geometry.lobe).along; });
+      site.shapeMixed = gather([](S s) { return lobeShape(s.geometry.lobe).mixed; });
+      site.shapeAcross = gather([](S s) { return lobeShape(s.geometry.lobe).across; });
+    }
+    weight_[0] = weight_[1] = Lanes(0.5f);
+    Lanes thirdWidth(0.0f);
+    if (variant.third) {
+      lobes_ = 3;
+      weight_[0] = weight_[1] = gather([](S s) { return 0.5f * (1 - s.geometry.lobe.thirdShare); });
+      weight_[2] = gather([](S s) { return s.geometry.lobe.thirdShare; });
+      thirdWidth = gather([](S s) { return s.parameters->sigma * s.geometry.lobe.thirdRatio; });
+    }
     const Lanes footX = gather([](S s) { return s.geometry.footX; });
     const Lanes footY = gather([](S s) { return s.geometry.footY; });
     invPixels_ = gather([](S s) { return 1.0f / s.pixelCount; });
@@ -75,11 +90,13 @@ class SiteLanes {
       const double g = std::max(1.0, static_cast<double>(s.parameters->kurtosis));
       return s.parameters->sigma * std::sqrt(2 / (1 / (g * g) + g * g));
     });
-    for (int l = 0; l < 2; ++l) {
-      const Lanes width = l == 0 ? scale / gamma : scale * gamma;
+    for (int l = 0; l < lobes_; ++l) {
+      const Lanes width = l == 0 ? scale / gamma : l == 1 ? scale * gamma : thirdWidth;
       const bool exact = shared.lobe == LobeMapping::ExactMoments;
-      lobe_[l] = exact ? lobeMoments(site, frame, width)
-                       : lobeMomentsPaper(site, slopeX, slopeY, width, shared.normalRows);
+      lobe_[l] = !exact                ? lobeMomentsPaper(site, slopeX, slopeY, width, shared.normalRows)
+                 : variant.stretched   ? lobeMoments<kShapedLobe>(site, frame, width, &shared.normalRows)
+                 : variant.skewedLight ? lobeMoments<kSkewedLight>(site, frame, width)
+                                       : lobeMoments(site, frame, width);
       lit_[l] = exact ? litFraction(lobe_[l], footX, footY, shared.halfExtent[0], shared.halfExtent[1]).value
                       : Lanes(1.0f);
       lobe_[l].meanX = lobe_[l].meanX + footX;
@@ -108,12 +125,11 @@ class SiteLanes {
   }
 
   PredictionSums compare() {
-    const Lanes half(0.5f);
     error_ = signal_ = noise_ = Lanes(0.0f);
     Lanes zeroDiffuse, unused;
     diffuseAt(shared_.zero, zeroDiffuse, unused, false);
-    const Lanes zeroLobe =
-        half * (lit_[0] * lobe_[0].mass + lit_[1] * lobe_[1].mass);  // each Gaussian has half the weight
+    Lanes zeroLobe = weight_[0] * (lit_[0] * lobe_[0].mass + lit_[1] * lobe_[1].mass);
+    if (lobes_ == 3) zeroLobe = mulAdd(weight_[2] * lit_[2], lobe_[2].mass, zeroLobe);
     recorded_ = {};
     if (sites_[0].window) compareWindow(zeroDiffuse, zeroLobe);
     constexpr float kInvPi = std::numbers::inv_pi_v<float>;
@@ -126,8 +142,8 @@ class SiteLanes {
       const PhotoPrediction::Polynomial* polynomial =
           shared_.polynomial.data() + f * PhotoPrediction::kHarmonics;
       diffuseAt(polynomial[0], diffuseRe, diffuseIm, true);
-      AlongDirection along[2];
-      for (int l = 0; l < 2; ++l) {
+      AlongDirection along[3];
+      for (int l = 0; l < lobes_; ++l) {
         along[l] = alongDirection(l, shared_.frequency[f]);
         lobeAt(along[l], 1.0f, true, lobeRe, lobeIm);
       }
@@ -143,7 +159,7 @@ class SiteLanes {
         }
         Lanes re(0.0f);
         bool any = false;
-        for (int l = 0; l < 2; ++l) any |= lobeAt(along[l], kMultiple[m], false, re, unused);
+        for (int l = 0; l < lobes_; ++l) any |= lobeAt(along[l], kMultiple[m], false, re, unused);
         if (!any) continue;
         sums[1][0] = mulAdd(share, re, sums[1][0]);
         sums[1][1] = mulAdd(turned, re, sums[1][1]);
@@ -190,7 +206,7 @@ class SiteLanes {
     const LobeMoments<Lanes>& g = lobe_[l];
     const float x = w.x(), y = w.y();
     AlongDirection a;
-    a.mass = Lanes(0.5f) * g.mass;
+    a.mass = weight_[l] * g.mass;
     a.decay = Lanes(0.5f * x * x) * g.xx + Lanes(x * y) * g.xy + Lanes(0.5f * y * y) * g.yy;
     a.phase = Lanes(x) * g.meanX + Lanes(y) * g.meanY;
     a.skew = Lanes(x * x * x / 6) * g.third[0] + Lanes(x * x * y / 2) * g.third[1] +
@@ -331,8 +347,9 @@ class SiteLanes {
   std::span<const PredictionSite> sites_;
   std::size_t lanes_;
   bool dropped_ = false;
-  Lanes used_, invPixels_, diffuse_[3], specular_[3], black_[3], normal_[3], lit_[2];
-  LobeMoments<Lanes> lobe_[2];
+  Lanes used_, invPixels_, diffuse_[3], specular_[3], black_[3], normal_[3], lit_[3], weight_[3];
+  int lobes_ = 2;
+  LobeMoments<Lanes> lobe_[3];
   Lanes error_, signal_, noise_;
   PredictionSums recorded_;
   HWY_ALIGN float product_[kProducts * HWY_MAX_BYTES / sizeof(float)];

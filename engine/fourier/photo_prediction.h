@@ -75,6 +75,7 @@ class PhotoPrediction {
   float halfExtent[2];
   float halfSizeMm[2];
   LobeMapping lobe;
+  LobeVariant variant;  ///< what sites have beyond the standard lobe; to be set before `compare`
   float noiseShot, noiseReadSquared;
   std::vector<Eigen::Vector2f> frequency;
   /// For a sheet with a second table (DiffuseTransform::hasRest) products go on: those that follow are for

@@ -28,8 +28,10 @@ inline double vmin(double a, double b) {
 #include "engine/fourier/lobe_kernel.inc"
 
 LobeSite<double> lobeSite(const SiteGeometry& site) {
-  return {site.distance,   site.viewX,           site.viewY,           site.viewZ,    site.lightMeanX,
-          site.lightMeanY, site.lightPrecisionX, site.lightPrecisionY, site.lightPeak};
+  const LobeShape shape = lobeShape(site.lobe);
+  return {site.distance,   site.viewX,           site.viewY,           site.viewZ,     site.lightMeanX,
+          site.lightMeanY, site.lightPrecisionX, site.lightPrecisionY, site.lightPeak, site.lightPrecisionXY,
+          shape.along,     shape.mixed,          shape.across};
 }
 
 }  // namespace
@@ -65,13 +67,19 @@ SiteLobe siteLobe(const ScreenFrame& frame, const SiteGeometry& site, const Svbr
   const double gamma = std::max(1.0, static_cast<double>(parameters.kurtosis));
   const double scale = parameters.sigma * std::sqrt(2 / (1 / (gamma * gamma) + gamma * gamma));
   SiteLobe lobe;
-  for (int l = 0; l < 2; ++l) {
-    const double width = l == 0 ? scale / gamma : scale * gamma;
-    const auto m = mapping == LobeMapping::ExactMoments
-                       ? lobeMoments(lobeSite(site), normal, width)
-                       : lobeMomentsPaper(lobeSite(site), slopeX, slopeY, width, rows);
-    auto& g = lobe.gaussian[l];
-    g = {static_cast<float>(0.5 * m.mass),
+  const bool exact = mapping == LobeMapping::ExactMoments;
+  const double thirdShare = exact ? site.lobe.thirdShare : 0;
+  const bool shaped = site.lobe.stretched() || site.lightPrecisionXY != 0;
+  for (int l = 0; l < (thirdShare > 0 ? 3 : 2); ++l) {
+    const double width = l == 0   ? scale / gamma
+                         : l == 1 ? scale * gamma
+                                  : static_cast<double>(parameters.sigma) * site.lobe.thirdRatio;
+    const double weight = l < 2 ? 0.5 * (1 - thirdShare) : thirdShare;
+    const auto m = !exact   ? lobeMomentsPaper(lobeSite(site), slopeX, slopeY, width, rows)
+                   : shaped ? lobeMoments<kShapedLobe>(lobeSite(site), normal, width, &rows)
+                            : lobeMoments(lobeSite(site), normal, width);
+    auto& g = lobe.gaussian[static_cast<std::size_t>(l)];
+    g = {static_cast<float>(weight * m.mass),
          static_cast<float>(m.meanX + site.footX),
          static_cast<float>(m.meanY + site.footY),
          static_cast<float>(m.xx),

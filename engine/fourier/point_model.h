@@ -10,7 +10,8 @@
 namespace patina {
 
 /// The specular lobe of one site as the fit sees it: two Gaussians on the screen for unit albedo, each
-/// weighted one half already. Frame: pattern coordinates x (not relative to the foot).
+/// weighted one half already, and a third where SiteGeometry::lobe has one (else without mass). Frame:
+/// pattern coordinates x (not relative to the foot).
 struct SiteLobe {
   struct Gaussian {
     float mass = 0, meanX = 0, meanY = 0, xx = 1, xy = 0, yy = 1;
@@ -18,7 +19,7 @@ struct SiteLobe {
     std::array<float, 4> third = {0, 0, 0, 0};      ///< cumulants xxx, xxy, xyy, yyy
     std::array<float, 5> fourth = {0, 0, 0, 0, 0};  ///< cumulants xxxx, xxxy, xxyy, xyyy, yyyy
   };
-  std::array<Gaussian, 2> gaussian;
+  std::array<Gaussian, 3> gaussian;
 
   /// Transform at `frequency` (equation 11's second sum, unit albedo).
   std::complex<float> transform(const Eigen::Vector2f& frequency) const;

@@ -24,6 +24,7 @@ SolverSetup solverSetup(const FourierFitState& state) {
     setup.frequency.push_back(group.frequency.cast<float>());
   for (int k = 0; k < 2; ++k) setup.halfExtent[k] = static_cast<float>(state.frame.halfExtent[k]);
   setup.lobe = state.options.lobe;
+  setup.variant = state.lobeVariant();
   // App. E narrows log(gamma - 1) to -1 +- 0.5 and so draws lobes near gamma = 1 to 1.3, and their width and
   // albedo with them by 15 %; with noise weights the data can be left to speak. The paper's own weights keep
   // the paper's own prior.

@@ -25,6 +25,7 @@ struct SolverSetup {
   float halfExtent[2] = {3.14159265f, 1.767f};  ///< of the lit area, pattern units
   FourierPriors priors;
   LobeMapping lobe = LobeMapping::ExactMoments;
+  LobeVariant variant;  ///< what sites have beyond the standard lobe; what isn't named here is not looked at
   int maxIterations = 40;
   float tolerance = 1e-5f;
   /// One for each frequency: 0 where the diffuse term is too small to be seen at any site, and

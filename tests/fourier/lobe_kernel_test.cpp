@@ -104,17 +104,20 @@ std::vector<double> derivativesOf(const LobeMoments<double>& m, int p) {
   return all;
 }
 
-TEST(LobeKernel, DerivativesMatchDifferences) {
+template <int kTerms>
+void expectDerivativesOfDifferences() {
   const Rig rig;
   float rows[3][3];
   for (int k = 0; k < 3; ++k)
     for (int j = 0; j < 3; ++j) rows[k][j] = static_cast<float>(rig.frame.screenFromWorld(j, k));
   const SiteGeometry g = rig.site(20, -30);
-  const LobeSite<double> site{g.distance,   g.viewX,           g.viewY,           g.viewZ,    g.lightMeanX,
-                              g.lightMeanY, g.lightPrecisionX, g.lightPrecisionY, g.lightPeak};
+  const LobeShape shape = lobeShape({{0.3f, -0.2f}, 0, 1});
+  const LobeSite<double> site{g.distance,   g.viewX,           g.viewY,           g.viewZ,     g.lightMeanX,
+                              g.lightMeanY, g.lightPrecisionX, g.lightPrecisionY, g.lightPeak, 0.15,
+                              shape.along,  shape.mixed,       shape.across};
   for (const double sigma : {0.03, 0.1, 0.25}) {
     auto momentsAt = [&](double logSigma, double sx, double sy) {
-      return lobeMoments(site, normalFromSlopes(sx, sy, rows), std::exp(logSigma));
+      return lobeMoments<kTerms>(site, normalFromSlopes(sx, sy, rows), std::exp(logSigma), &rows);
     };
     const double at[3] = {std::log(sigma), 0.04, -0.06};
     const auto here = momentsAt(at[0], at[1], at[2]);
@@ -142,6 +145,73 @@ TEST(LobeKernel, DerivativesMatchDifferences) {
         EXPECT_NEAR(derivative[i], (high[i] - low[i]) / (2 * h), tolerance * scale)
             << "sigma " << sigma << " parameter " << p << " moment " << i;
       }
+    }
+  }
+}
+
+TEST(LobeKernel, DerivativesMatchDifferences) {
+  expectDerivativesOfDifferences<kPlainLobe>();
+}
+TEST(LobeKernel, DerivativesMatchDifferencesUnderSkewedLight) {
+  expectDerivativesOfDifferences<kSkewedLight>();
+}
+TEST(LobeKernel, DerivativesMatchDifferencesOfAStretchedLobe) {
+  expectDerivativesOfDifferences<kShapedLobe>();
+}
+
+TEST(LobeKernel, TermsThatAreNoneChangeNothing) {
+  const Rig rig;
+  float rows[3][3];
+  for (int k = 0; k < 3; ++k)
+    for (int j = 0; j < 3; ++j) rows[k][j] = static_cast<float>(rig.frame.screenFromWorld(j, k));
+  const SiteGeometry g = rig.site(20, -30);
+  const LobeSite<double> site{g.distance,
+                              g.viewX,
+                              g.viewY,
+                              g.viewZ,
+                              g.lightMeanX,
+                              g.lightMeanY,
+                              g.lightPrecisionX,
+                              g.lightPrecisionY,
+                              g.lightPeak,
+                              0,
+                              1,
+                              0,
+                              1};
+  const auto frame = normalFromSlopes(0.04, -0.06, rows);
+  const auto plain = lobeMoments(site, frame, 0.1),
+             shaped = lobeMoments<kShapedLobe>(site, frame, 0.1, &rows);
+  const auto a = numbersOf(plain), b = numbersOf(shaped);
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(b[i], a[i], 1e-6 * std::abs(a[i])) << i;
+  for (int p = 0; p < 3; ++p) {
+    const auto c = derivativesOf(plain, p), d = derivativesOf(shaped, p);
+    for (std::size_t i = 0; i < c.size(); ++i)
+      EXPECT_NEAR(d[i], c[i], 1e-6 * std::abs(c[i]) + 1e-12) << p << " " << i;
+  }
+}
+
+TEST(LobeKernel, StretchedAndThirdLobesMatchBruteForce) {
+  const Rig rig;
+  SvbrdfParameters p;
+  p.kurtosis = 1.2f;
+  p.normal = Eigen::Vector3f(0.06f, -0.05f, 1).normalized();
+  for (const float sigma : {0.04f, 0.08f, 0.14f}) {
+    p.sigma = sigma;
+    for (const LobeTerms& terms : {LobeTerms{{0.3f, 0.0f}, 0, 1}, LobeTerms{{-0.2f, 0.35f}, 0, 1},
+                                   LobeTerms{{0, 0}, 0.2f, 2.0f}, LobeTerms{{0.1f, -0.2f}, 0.15f, 1.8f}}) {
+      const auto truth = bruteForce(rig, {20, 10, 0}, p, kFrequencies, 600, {}, terms);
+      SiteGeometry site = rig.site(20, 10);
+      const auto error = [&] {
+        const SiteLobe lobe = siteLobe(rig.frame, site, p, LobeMapping::ExactMoments);
+        double sum = 0;
+        for (std::size_t f = 0; f < kFrequencies.size(); ++f)
+          sum += std::norm(Complex(lobe.transform(kFrequencies[f].cast<float>())) - truth[f]);
+        return std::sqrt(sum / static_cast<double>(kFrequencies.size())) / std::abs(truth[0]);
+      };
+      const double without = error();
+      site.lobe = terms;
+      EXPECT_LT(error(), kInvisible) << sigma << " " << terms.stretch[0] << " " << terms.thirdShare;
+      EXPECT_GT(without, 10 * error()) << sigma << " " << terms.stretch[0] << " " << terms.thirdShare;
     }
   }
 }

@@ -26,7 +26,19 @@ struct Sheet {
   NoiseModel noise{2e-5, 2e-4};
   PredictionSums expected, expectedWindow;
 
-  explicit Sheet(int count, LobeMapping lobe) {
+  /// `skew` of the light, at every site; lobes with terms of their own.
+  std::vector<LobeTerms> terms;
+  float skew = 0;
+
+  SiteGeometry geometryOf(std::size_t s) const {
+    SiteGeometry geometry = rig.site(pointMm[s].x(), pointMm[s].y());
+    geometry.lightPrecisionXY = skew;
+    if (!terms.empty()) geometry.lobe = terms[s % terms.size()];
+    return geometry;
+  }
+
+  explicit Sheet(int count, LobeMapping lobe, std::vector<LobeTerms> lobeTerms = {}, float lightSkew = 0)
+      : terms(std::move(lobeTerms)), skew(lightSkew) {
     for (const int k : {1, 2, 3, 4, 6, 10, 20, 40})
       for (const Eigen::Vector2i& axis : {Eigen::Vector2i(1, 0), {0, 1}, {1, 1}, {1, -1}})
         groups.push_back({k * axis, {}});
@@ -52,7 +64,7 @@ struct Sheet {
       p.normal = Eigen::Vector3f(0.1f * (unit(random) - 0.5f), 0.1f * (unit(random) - 0.5f), 1).normalized();
       for (int c = 0; c < 3; ++c) p.diffuse[c] = 0.4f * unit(random), p.specular[c] = 0.1f * unit(random);
       pointMm.emplace_back((unit(random) - 0.5f) * kWidthMm, (unit(random) - 0.5f) * kHeightMm);
-      const SiteGeometry geometry = rig.site(pointMm.back().x(), pointMm.back().y());
+      const SiteGeometry geometry = geometryOf(static_cast<std::size_t>(s));
       const SiteLobe siteLobeHere = siteLobe(rig.frame, geometry, p, lobe);
       const Eigen::Vector3f n = normalOnScreen(rig.frame, p.normal);
       diffuse.at(pointMm.back().cast<double>(), v.data());
@@ -103,7 +115,7 @@ struct Sheet {
     std::vector<PredictionSite> out;
     const std::size_t stride = groups.size() * 6;
     for (std::size_t s = 0; s < parameters.size(); ++s)
-      out.push_back({.geometry = rig.site(pointMm[s].x(), pointMm[s].y()),
+      out.push_back({.geometry = geometryOf(s),
                      .pointMm = pointMm[s],
                      .parameters = &parameters[s],
                      .z = z.data() + s * stride,
@@ -120,9 +132,9 @@ struct Sheet {
 // averages out.
 constexpr double kRelative = 1e-5;
 
-class Prediction : public testing::TestWithParam<LobeMapping> {};
+class PredictionOf : public testing::TestWithParam<LobeMapping> {};
 
-TEST_P(Prediction, InLanesIsThatOfTheReference) {
+TEST_P(PredictionOf, InLanesIsThatOfTheReference) {
   for (const int count : {1, 7, 300}) {
     const Sheet sheet(count, GetParam());
     const DiffuseMethod method =
@@ -144,7 +156,23 @@ TEST_P(Prediction, InLanesIsThatOfTheReference) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(BothLobes, Prediction,
+TEST(Prediction, OfLobesWithTermsIsThatOfTheReference) {
+  const std::vector<LobeTerms> terms = {
+      {{0.3f, 0.1f}, 0, 1}, {{0, 0}, 0.2f, 3}, {{-0.1f, 0.2f}, 0.1f, 2}, {}};
+  for (const auto& [some, skew] :
+       {std::pair{terms, 0.1f}, {terms, 0.0f}, {std::vector<LobeTerms>{}, 0.15f}}) {
+    const Sheet sheet(90, LobeMapping::ExactMoments, some, skew);
+    PhotoPrediction prediction(sheet.rig.frame, {kWidthMm, kHeightMm}, sheet.groups,
+                               LobeMapping::ExactMoments, DiffuseMethod::Quadrature, sheet.noise);
+    prediction.variant = {skew != 0, !some.empty(), !some.empty()};
+    const PredictionSums sums = prediction.compare(sheet.sites(false));
+    EXPECT_NEAR(sums.error / sheet.expected.error, 1, 2 * kRelative);
+    prediction.variant = {};
+    EXPECT_GT(prediction.compare(sheet.sites(false)).error / sheet.expected.error, 1.05);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(BothLobes, PredictionOf,
                          testing::Values(LobeMapping::ExactMoments, LobeMapping::PaperAffine),
                          [](const auto& info) {
                            return info.param == LobeMapping::ExactMoments ? "Exact" : "Paper";

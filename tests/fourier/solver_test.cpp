@@ -20,7 +20,8 @@ struct MadeUpSite {
   std::vector<float> diffuse, z, dc;
   SiteData data;
 
-  MadeUpSite(const SvbrdfParameters& p, double xMm, double yMm, float noise, unsigned seed) {
+  MadeUpSite(const SvbrdfParameters& p, double xMm, double yMm, float noise, unsigned seed,
+             const LobeTerms& terms = {}, float skew = 0) {
     for (int k = 0; k < 3; ++k)
       for (int j = 0; j < 3; ++j)
         setup.normalRows[k][j] = static_cast<float>(rig.frame.screenFromWorld(j, k));
@@ -34,7 +35,11 @@ struct MadeUpSite {
       setup.frequency.push_back(frequencies[f].cast<float>());
     setup.maxIterations = 100;
     diffuse = DiffuseTransform::atPoint(rig.frame, {xMm, yMm}, frequencies, DiffuseMethod::Quadrature);
-    const SiteLobe lobe = siteLobe(rig.frame, rig.site(xMm, yMm), p, LobeMapping::ExactMoments);
+    data.geometry = rig.site(xMm, yMm);
+    data.geometry.lobe = terms;
+    data.geometry.lightPrecisionXY = skew;
+    setup.variant = {skew != 0, terms.stretched(), terms.thirdShare > 0};
+    const SiteLobe lobe = siteLobe(rig.frame, data.geometry, p, LobeMapping::ExactMoments);
     const Eigen::Vector3f n = normalOnScreen(rig.frame, p.normal);
     std::mt19937 random(seed);
     std::normal_distribution<float> normal(0, noise);
@@ -56,7 +61,6 @@ struct MadeUpSite {
         z.insert(z.end(), im, im + 3);
       }
     }
-    data.geometry = rig.site(xMm, yMm);
     data.diffuse = diffuse.data();
     data.z = z.data();
     data.dc = dc.data();
@@ -94,28 +98,58 @@ class EveryTarget : public testing::Test {
 
 constexpr float kNoise = 1e-4f;  // of a zero frequency of about 0.05: half a percent, as one exposure has
 
+void expectGradientOfDifferences(const MadeUpSite& site) {
+  const LobeParameters at{std::log(0.08f), -0.7f, 0.05f,
+                          -0.02f};  // off the optimum, where the slope is steep
+  const auto here = evaluateSite(site.setup, site.data, at);
+  // Steps wide enough for single precision; variable projection: the albedos follow, so the envelope
+  // theorem makes half the cost's slope the gradient. 2 % holds the difference's own error and the score
+  // quadrature's.
+  const float steps[4] = {4e-3f, 1e-2f, 3e-4f, 3e-4f};
+  float scale = 0;
+  for (int i = 0; i < 4; ++i) scale = std::max(scale, std::abs(here.gradient[i]) * steps[i]);
+  for (int i = 0; i < 4; ++i) {
+    LobeParameters up = at, down = at;
+    float* fields[2][4] = {{&up.logSigma, &up.logKurtosis, &up.slopeX, &up.slopeY},
+                           {&down.logSigma, &down.logKurtosis, &down.slopeX, &down.slopeY}};
+    *fields[0][i] += steps[i];
+    *fields[1][i] -= steps[i];
+    const float difference =
+        (evaluateSite(site.setup, site.data, up).cost - evaluateSite(site.setup, site.data, down).cost) / 2;
+    EXPECT_NEAR(2 * here.gradient[i] * steps[i], difference, 0.02f * 2 * scale) << i;
+  }
+}
+
 TEST_F(EveryTarget, GradientMatchesDifferencesOfTheCost) {
-  MadeUpSite site(gloss(), 10, 20, kNoise, 1);
+  const MadeUpSite site(gloss(), 10, 20, kNoise, 1);
+  forEachTarget([&] { expectGradientOfDifferences(site); });
+}
+
+const LobeTerms kTerms{{0.25f, -0.15f}, 0.2f, 2.5f};
+
+TEST_F(EveryTarget, GradientMatchesDifferencesWithTerms) {
+  for (const auto& [terms, skew] : {std::pair{LobeTerms{}, 0.15f},
+                                    {LobeTerms{{0.3f, 0.2f}, 0, 1}, 0.0f},
+                                    {LobeTerms{{0, 0}, 0.2f, 2.5f}, 0.0f},
+                                    {kTerms, 0.1f}}) {
+    const MadeUpSite site(gloss(), 10, 20, kNoise, 1, terms, skew);
+    forEachTarget([&] { expectGradientOfDifferences(site); });
+  }
+}
+
+TEST_F(EveryTarget, LobesWithTermsAreFound) {
+  const SvbrdfParameters p = gloss();
+  MadeUpSite site(p, 10, 20, 1e-6f, 1, kTerms, 0.1f);
+  const LobeParameters start{std::log(0.03f), std::log(0.03f), 0, 0};
   forEachTarget([&] {
-    const LobeParameters at{std::log(0.08f), -0.7f, 0.05f,
-                            -0.02f};  // off the optimum, where the slope is steep
-    const auto here = evaluateSite(site.setup, site.data, at);
-    // Steps wide enough for single precision; variable projection: the albedos follow, so the envelope
-    // theorem makes half the cost's slope the gradient. 2 % holds the difference's own error and the score
-    // quadrature's.
-    const float steps[4] = {4e-3f, 1e-2f, 3e-4f, 3e-4f};
-    float scale = 0;
-    for (int i = 0; i < 4; ++i) scale = std::max(scale, std::abs(here.gradient[i]) * steps[i]);
-    for (int i = 0; i < 4; ++i) {
-      LobeParameters up = at, down = at;
-      float* fields[2][4] = {{&up.logSigma, &up.logKurtosis, &up.slopeX, &up.slopeY},
-                             {&down.logSigma, &down.logKurtosis, &down.slopeX, &down.slopeY}};
-      *fields[0][i] += steps[i];
-      *fields[1][i] -= steps[i];
-      const float difference =
-          (evaluateSite(site.setup, site.data, up).cost - evaluateSite(site.setup, site.data, down).cost) / 2;
-      EXPECT_NEAR(2 * here.gradient[i] * steps[i], difference, 0.02f * 2 * scale) << i;
-    }
+    SiteSolution found;
+    solveSites(site.setup, {&site.data, 1}, {&start, 1}, {&found, 1});
+    EXPECT_EQ(found.outcome, SolveOutcome::Converged);
+    EXPECT_NEAR(std::exp(found.lobe.logSigma) / p.sigma, 1, 2e-3);
+    EXPECT_NEAR(found.specular[1] / p.specular[1], 1, 2e-3);
+    EXPECT_NEAR(found.diffuse[1] / p.diffuse[1], 1, 2e-3);
+    EXPECT_NEAR(found.lobe.slopeX, p.normal.x() / p.normal.z(), 1e-4);
+    EXPECT_NEAR(found.lobe.slopeY, p.normal.y() / p.normal.z(), 1e-4);
   });
 }
 
