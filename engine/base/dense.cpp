@@ -13,6 +13,7 @@ void dsyevd_(const char* job, const char* triangle, const int* n, double* a, con
 void dgesdd_(const char* job, const int* m, const int* n, double* a, const int* rows, double* values,
              double* u, const int* uRows, double* v, const int* vRows, double* work, const int* workSize,
              int* intWork, int* info);
+void dpotrf_(const char* triangle, const int* n, double* a, const int* rows, int* info);
 }
 
 namespace patina {
@@ -110,6 +111,25 @@ SymmetricEigen eigenOfSymmetric(const Eigen::MatrixXd& a, bool withVectors) {
   }
   if (!withVectors) eigen.vectors.resize(0, 0);
   return eigen;
+}
+
+bool choleskyInPlace(Eigen::MatrixXd& a) {
+  useOneThread();
+  require(a.rows() == a.cols(), "choleskyInPlace: not square");
+  const int n = static_cast<int>(a.rows());
+  if (n == 0) return true;
+  int info = 0;
+  dpotrf_("L", &n, a.data(), &n, &info);
+  return info == 0;
+}
+
+void solveLowerInPlace(const Eigen::MatrixXd& l, bool transposed, Eigen::MatrixXd& b) {
+  useOneThread();
+  require(l.rows() == l.cols() && l.rows() == b.rows(), "solveLowerInPlace: sizes differ");
+  if (b.size() == 0) return;
+  cblas_dtrsm(CblasColMajor, CblasLeft, CblasLower, transposed ? CblasTrans : CblasNoTrans, CblasNonUnit,
+              static_cast<int>(b.rows()), static_cast<int>(b.cols()), 1.0, l.data(),
+              static_cast<int>(l.rows()), b.data(), static_cast<int>(b.rows()));
 }
 
 Eigen::VectorXd singularValues(const Eigen::MatrixXd& a) {

@@ -28,6 +28,12 @@ SymmetricEigen eigenOfSymmetric(const Eigen::MatrixXd& a, bool withVectors = tru
 /// Largest first.
 Eigen::VectorXd singularValues(const Eigen::MatrixXd& a);
 
+/// Overwrites the lower triangle of a symmetric matrix with L, L L^T = a; the upper one is left as it was.
+/// False where it is not positive.
+bool choleskyInPlace(Eigen::MatrixXd& a);
+/// b becomes L^-1 b, or L^-T b, for the lower triangle of `l`.
+void solveLowerInPlace(const Eigen::MatrixXd& l, bool transposed, Eigen::MatrixXd& b);
+
 using RowMajorMatrixXf = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 /// a * b in single precision, row-major: n x k by k x r.
 void multiply(const RowMajorMatrixXf& a, const RowMajorMatrixXf& b, RowMajorMatrixXf& out);

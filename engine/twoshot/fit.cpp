@@ -80,15 +80,17 @@ double residuals(const RidgeProblem& problem, const Eigen::MatrixXd& coefficient
 class Fitter {
  public:
   Fitter(const TwoShotCapture& capture, const BasisPtr& basis, const TwoShotFitOptions& options,
-         const JobContext& job)
+         const JobContext& job, std::shared_ptr<const TwoShotDeviation> deviation)
       : job_(job), watch_(&fit_->stats.seconds) {
     fit_->capture = capture;
     fit_->basis = basis;
     fit_->options = options;
+    if (deviation && deviation->saturation > 0) fit_->capture.saturation = deviation->saturation;
+    fit_->deviation = std::move(deviation);
   }
 
   Result<std::shared_ptr<const TwoShotFit>> run() {
-    Result<LoadedCapture> loaded = loadFittedShots(fit_->capture, job_);
+    Result<LoadedCapture> loaded = loadFittedShots(fit_->capture, job_, fit_->deviation);
     watch_.lap("read");
     if (!loaded) return loaded.error();
     loaded_ = std::move(*loaded);
@@ -177,6 +179,7 @@ class Fitter {
     material.brdf = fit_->basis->reconstruct(material.coefficients, std::move(origin), job_.stop);
     watch_.lap("unmap");
     if (!material.brdf) return cancelled();
+    if (fit_->deviation) material.brdf = fit_->deviation->withSurfaceTerms(material.brdf);
     return Done{};
   }
 
@@ -235,9 +238,11 @@ class Fitter {
     for (const ReflectancePicture& picture : loaded_.pictures) {
       for (const std::size_t s : picture.shots) {
         if (job_.cancelled()) return cancelled();
-        fit_->comparisons.push_back(predictPhoto(capture, s, loaded_.shots[s].pixels, loaded_.shots[s].noise,
-                                                 picture.view, picture.irradiance, brdfs, materials_,
-                                                 &fitted));
+        const LoadedShot& shot = loaded_.shots[s];
+        const Image& taken = shot.asTaken.empty() ? shot.pixels : shot.asTaken;
+        fit_->comparisons.push_back(predictPhoto(capture, s, taken, shot.noise, picture.view,
+                                                 picture.irradiance, brdfs, materials_, &fitted,
+                                                 fit_->deviation.get()));
         job_.progress("predict", ++done, total, "photos");
       }
     }
@@ -245,7 +250,7 @@ class Fitter {
     for (std::size_t s = 0; s < capture.shots.size(); ++s)
       others.push_back(capture.shots[s].holdout || loaded_.leftOut.contains(s));
     auto compared = compareShots(capture, fit_->materials, materials_, loaded_.leftOut, job_, &fitted, &held,
-                                 others, done);
+                                 others, done, fit_->deviation.get());
     if (!compared) return compared.error();
     for (TwoShotComparison& comparison : *compared) fit_->comparisons.push_back(std::move(comparison));
     TwoShotStats& stats = fit_->stats;
@@ -341,8 +346,8 @@ std::vector<std::string> TwoShotFitOptions::validate() const {
 }
 
 Result<std::shared_ptr<const TwoShotFit>> fitTwoShot(const TwoShotCapture& capture, const BasisPtr& basis,
-                                                     const TwoShotFitOptions& options,
-                                                     const JobContext& job) {
+                                                     const TwoShotFitOptions& options, const JobContext& job,
+                                                     std::shared_ptr<const TwoShotDeviation> deviation) {
   const std::vector<std::string> problems = options.validate();
   if (!problems.empty()) {
     std::string all;
@@ -352,7 +357,7 @@ Result<std::shared_ptr<const TwoShotFit>> fitTwoShot(const TwoShotCapture& captu
   if (!basis) throw std::invalid_argument("fitTwoShot needs a basis");
   tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
   std::optional<Result<std::shared_ptr<const TwoShotFit>>> result;
-  arena.execute([&] { result.emplace(Fitter(capture, basis, options, job).run()); });
+  arena.execute([&] { result.emplace(Fitter(capture, basis, options, job, std::move(deviation)).run()); });
   return std::move(*result);
 }
 

@@ -13,6 +13,7 @@
 #include "engine/brdf/tabulated_brdf.h"
 #include "engine/capture/two_shot_capture.h"
 #include "engine/twoshot/basis.h"
+#include "engine/twoshot/deviation.h"
 #include "engine/twoshot/metric.h"
 
 namespace patina {
@@ -79,6 +80,9 @@ struct TwoShotFit {
                  ///< one material
   std::vector<TwoShotComparison> comparisons;  ///< all shots: fitted, left out, held out
   TwoShotStats stats;
+  /// What was taken out of the photographs before the fit and is in the predictions; null: nothing. The
+  /// materials hold its terms of the surface.
+  std::shared_ptr<const TwoShotDeviation> deviation;
 };
 
 /// Reconstructs the BRDF of a homogeneous sample, or of a few materials by cluster, from near-field
@@ -86,7 +90,8 @@ struct TwoShotFit {
 /// Held-out shots are read for comparison only. Progress: "read", "solve", "posterior", "predict". Errors:
 /// those of reading; Invalid (nothing usable on the sample, the reason named); Cancelled. Threads: all.
 Result<std::shared_ptr<const TwoShotFit>> fitTwoShot(const TwoShotCapture& capture, const BasisPtr& basis,
-                                                     const TwoShotFitOptions& options, const JobContext& job);
+                                                     const TwoShotFitOptions& options, const JobContext& job,
+                                                     std::shared_ptr<const TwoShotDeviation> deviation = {});
 
 /// Writes a fit: brdf.binary (one a material: brdf.binary, brdf_2.binary, ...), posterior_sd.exr (likewise),
 /// coefficients.json, fit.json, labels.exr and labels.png where there are several materials,

@@ -88,7 +88,9 @@ struct Quadtree {
                       [&](const tbb::blocked_range<std::size_t>& range) {
                         for (std::size_t i = range.begin(); i < range.end(); ++i) {
                           if (!(weights[i] > 0)) continue;
-                          const double w = mappingWeight(picture.toLight.z(), picture.view.toView(i).z());
+                          const DirectionPair pair =
+                              directionsAt(picture, picture.view.positionMm[i].cast<double>());
+                          const double w = mappingWeight(pair.toLight.z(), pair.toView.z());
                           for (int c = 0; c < 3; ++c) {
                             const double f = std::max(picture.brdf.samples()[3 * i + c], 0.0f);
                             mapped[i][c] = static_cast<float>(std::log(f * w + kMappingEpsilon));
@@ -130,11 +132,8 @@ struct Quadtree {
     // further.
     const double blocks = std::max(1.0, static_cast<double>(block.pixels) / picture.irradiance.smoothedOver);
     block.variance += block.brdf.square() * white / blocks;
-    const double w =
-        mappingWeight(picture.toLight.z(),
-                      (picture.view.cameraMm - Eigen::Vector3d(block.positionMm.x(), block.positionMm.y(), 0))
-                          .normalized()
-                          .z());
+    const DirectionPair pair = directionsAt(picture, block.positionMm);
+    const double w = mappingWeight(pair.toLight.z(), pair.toView.z());
     const Eigen::Array3d slope = w / (block.brdf.max(0.0) * w + kMappingEpsilon);
     const double spread = (squares - sum.square() - noise * slope.square()).maxCoeff();
     if (side > 1 && spread > kFlat * kFlat) block.badness = total * spread;
@@ -209,9 +208,8 @@ Observations observe(const std::vector<ReflectancePicture>& pictures,
     for (const Block& block : blocks) middle += block.weight * block.positionMm, total += block.weight;
     middle /= total;
     for (const Block& block : blocks) {
-      const Eigen::Vector3d point(block.positionMm.x(), block.positionMm.y(), 0);
-      rows.angles.push_back(
-          halfDiffFromDirections(picture.toLight, (picture.view.cameraMm - point).normalized()));
+      rows.angles.push_back(anglesAt(picture, directionsAt(picture, block.positionMm)));
+      rows.positionMm.push_back(block.positionMm);
       rows.brdf.push_back(block.brdf);
       rows.variance.push_back(block.variance);
       rows.weight.push_back(block.weight);

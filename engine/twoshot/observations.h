@@ -11,7 +11,8 @@ namespace patina {
 
 /// Measurements of one material: means over blocks of neighbouring pixels. n rows.
 struct Observations {
-  std::vector<HalfDiffAngles> angles;    ///< at the block's mean position on the sample
+  std::vector<HalfDiffAngles> angles;       ///< at the block's mean position on the sample
+  std::vector<Eigen::Vector2d> positionMm;  ///< that position
   std::vector<Eigen::Array3d> brdf;      ///< R G B, 1/sr, mean over the block (of values, not of logarithms)
   std::vector<Eigen::Array3d> variance;  ///< of brdf: sensor noise, white photograph included
   std::vector<double> weight;            ///< how many of a picture's kEtaRows rows this row stands for

@@ -21,7 +21,8 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
                                const PhotoNoise& noise, const SampleView& view,
                                const IrradiancePicture& irradiance,
                                const std::vector<std::shared_ptr<const TabulatedBrdf>>& brdfs,
-                               const MaterialMap& materials, ErrorSums* sums) {
+                               const MaterialMap& materials, ErrorSums* sums,
+                               const TwoShotDeviation* deviation) {
   const TwoShotPhoto& photo = capture.shots[shot];
   TwoShotComparison comparison;
   comparison.file = photo.file;
@@ -33,22 +34,51 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
   const double limit = photo.encoding.empty() ? std::numeric_limits<double>::infinity() : 1.0;
   const Eigen::Array3d clipped = clipLevels({&captured, &view.onSample}, capture.saturation, limit);
   std::vector<ErrorSums> rows(view.height);
+  const TwoShotDeviation setUp = deviation ? deviation->withoutSurfaceTerms() : TwoShotDeviation{};
+  const double saturation = deviation && deviation->saturation > 0 ? deviation->saturation
+                                                                   : std::numeric_limits<double>::infinity();
   tbb::parallel_for(tbb::blocked_range<int>(0, view.height), [&](const tbb::blocked_range<int>& range) {
+    PhotoPoint point;
+    point.shot = shot, point.toLight = photo.toLight, point.cameraMm = view.cameraMm;
+    point.exposureS = photo.exposureS;
     for (int y = range.begin(); y < range.end(); ++y) {
       for (int x = 0; x < view.width; ++x) {
         const std::size_t i = view.index(x, y);
         if (!view.onSample[i]) continue;
         // A pixel that the labels' picture doesn't see is taken for the largest material.
         const std::size_t material = labels[i] >= 0 ? static_cast<std::size_t>(labels[i]) : 0;
-        const Eigen::Array3d brdf =
-            brdfs[material]->evaluate(halfDiffFromDirections(photo.toLight, view.toView(i)));
+        Eigen::Array3d brdf;
+        if (deviation) {
+          point.positionMm = view.positionMm[i].cast<double>();
+          point.cornerShare = cornerShareOf(photo.camera, x, y);
+          for (int c = 0; c < 3; ++c) point.rate[c] = std::max(irradiance.rate.at(x, y, c), 1e-30f);
+          const DirectionPair pair = setUp.directions(point);
+          brdf = brdfs[material]->evaluate(setUp.angles(pair));
+          for (int c = 0; c < 3; ++c) brdf[c] = std::isfinite(brdf[c]) ? brdf[c] : 0;
+          brdf = setUp.seenFromBase(brdf, point, pair);
+        } else {
+          brdf = brdfs[material]->evaluate(halfDiffFromDirections(photo.toLight, view.toView(i)));
+        }
         for (int c = 0; c < 3; ++c) {
           const double seen = captured.at(x, y, c);
           const double light = irradiance.rate.at(x, y, c) * photo.exposureS;
-          const double predicted = std::isfinite(brdf[c]) ? brdf[c] * light : 0;
+          const double predicted = std::isfinite(brdf[c]) ? std::min(brdf[c] * light, saturation) : 0;
           comparison.captured.at(x, y, c) = static_cast<float>(seen);
           comparison.rendered.at(x, y, c) = static_cast<float>(predicted);
-          if (!(light > 0) || seen >= clipped[c]) continue;
+        }
+      }
+    }
+  });
+  if (deviation && (setUp.glare != 0 || setUp.defocusPx > 0))
+    comparison.rendered = setUp.blurred(comparison.rendered);
+  tbb::parallel_for(tbb::blocked_range<int>(0, view.height), [&](const tbb::blocked_range<int>& range) {
+    for (int y = range.begin(); y < range.end(); ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        if (!view.onSample[view.index(x, y)]) continue;
+        for (int c = 0; c < 3; ++c) {
+          const double seen = captured.at(x, y, c), predicted = comparison.rendered.at(x, y, c);
+          const double light = irradiance.rate.at(x, y, c) * photo.exposureS;
+          if (!(light > 0) || seen >= std::min(clipped[c], saturation)) continue;
           rows[y].residual += (predicted - seen) * (predicted - seen);
           rows[y].signal += seen * seen;
           const double white = irradiance.relativeVariance.at(x, y, c) * seen * seen;
@@ -84,12 +114,10 @@ TwoShotComparison withoutPrediction(const TwoShotPhoto& photo, const Image& capt
 
 }  // namespace
 
-Result<std::vector<TwoShotComparison>> compareShots(const TwoShotCapture& capture,
-                                                    const std::vector<TwoShotMaterial>& found,
-                                                    const MaterialMap& materials,
-                                                    const std::map<std::size_t, std::string>& leftOut,
-                                                    const JobContext& job, ErrorSums* fitted, ErrorSums* held,
-                                                    const std::vector<bool>& wanted, std::int64_t done) {
+Result<std::vector<TwoShotComparison>> compareShots(
+    const TwoShotCapture& capture, const std::vector<TwoShotMaterial>& found, const MaterialMap& materials,
+    const std::map<std::size_t, std::string>& leftOut, const JobContext& job, ErrorSums* fitted,
+    ErrorSums* held, const std::vector<bool>& wanted, std::int64_t done, const TwoShotDeviation* deviation) {
   std::vector<std::shared_ptr<const TabulatedBrdf>> brdfs;
   for (const TwoShotMaterial& material : found) brdfs.push_back(material.brdf);
   std::vector<std::size_t> order;
@@ -122,7 +150,7 @@ Result<std::vector<TwoShotComparison>> compareShots(const TwoShotCapture& captur
       const PhotoNoise noise = estimateNoise({&*photo, &view.inside});
       ErrorSums* sums = unused ? nullptr : shot.holdout ? held : fitted;
       comparisons.push_back(
-          predictPhoto(capture, s, *photo, noise, view, *irradiance, brdfs, materials, sums));
+          predictPhoto(capture, s, *photo, noise, view, *irradiance, brdfs, materials, sums, deviation));
     }
     if (unused) comparisons.back().leftOut = reason->second;
     job.progress("predict", ++done, total, "photos");

@@ -26,11 +26,13 @@ struct ErrorSums {
 /// sample: BRDF * E cos(thetaI) * exposure, E from the white photograph or the bundle. Clipped pixels, and
 /// pixels without a known E, are left out of the error (and 0 in `rendered` where E is unknown); a direction
 /// that the table doesn't hold is predicted black and counts. `noise`: of the photograph's sensor.
+/// `deviation`: how the photograph was really taken; the tables hold its terms of the surface already.
 TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, const Image& captured,
                                const PhotoNoise& noise, const SampleView& view,
                                const IrradiancePicture& irradiance,
                                const std::vector<std::shared_ptr<const TabulatedBrdf>>& brdfs,
-                               const MaterialMap& materials, ErrorSums* sums);
+                               const MaterialMap& materials, ErrorSums* sums,
+                               const TwoShotDeviation* deviation = nullptr);
 
 /// Reads photographs and their white photographs and predicts them: those for which `wanted` is true, all
 /// where it is empty; fitted ones first, then those of `leftOut` (shot, reason), then those held out.
@@ -40,6 +42,7 @@ TwoShotComparison predictPhoto(const TwoShotCapture& capture, std::size_t shot, 
 Result<std::vector<TwoShotComparison>> compareShots(
     const TwoShotCapture& capture, const std::vector<TwoShotMaterial>& found, const MaterialMap& materials,
     const std::map<std::size_t, std::string>& leftOut, const JobContext& job, ErrorSums* fitted,
-    ErrorSums* held, const std::vector<bool>& wanted = {}, std::int64_t done = 0);
+    ErrorSums* held, const std::vector<bool>& wanted = {}, std::int64_t done = 0,
+    const TwoShotDeviation* deviation = nullptr);
 
 }  // namespace patina

@@ -160,6 +160,44 @@ Result<ReflectancePicture> makePicture(const TwoShotCapture& capture, std::vecto
   return picture;
 }
 
+/// An added lobe's shape is a guess: this share of it is not known.
+constexpr double kLobeError = 0.1;
+
+/// Takes a deviation out of a picture.
+void undo(const TwoShotCapture& capture, const std::shared_ptr<const TwoShotDeviation>& deviation,
+          ReflectancePicture& picture) {
+  picture.deviation = deviation;
+  const SampleView& view = picture.view;
+  const std::size_t first = picture.shots.front();
+  tbb::parallel_for(tbb::blocked_range<int>(0, view.height), [&](const tbb::blocked_range<int>& range) {
+    PhotoPoint point;
+    point.shot = first;
+    point.toLight = picture.toLight, point.cameraMm = view.cameraMm;
+    point.exposureS = capture.shots[first].exposureS;
+    for (int y = range.begin(); y < range.end(); ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const std::size_t i = view.index(x, y);
+        if (!picture.usable[i]) continue;
+        point.positionMm = view.positionMm[i].cast<double>();
+        point.cornerShare = cornerShareOf(capture.shots[first].camera, x, y);
+        Eigen::Array3d seen, slope;
+        for (int c = 0; c < 3; ++c) {
+          point.rate[c] = picture.irradiance.rate.at(x, y, c);
+          seen[c] = picture.brdf.at(x, y, c);
+        }
+        const DirectionPair pair = deviation->directions(point);
+        const Eigen::Array3d base = deviation->baseFromSeen(seen, point, pair, &slope);
+        const Eigen::Array3d lobe = kLobeError * deviation->added(pair);
+        for (int c = 0; c < 3; ++c) {
+          picture.brdf.at(x, y, c) = static_cast<float>(base[c]);
+          float& variance = picture.variance.at(x, y, c);
+          variance = static_cast<float>(variance * slope[c] * slope[c] + lobe[c] * lobe[c]);
+        }
+      }
+    }
+  });
+}
+
 }  // namespace
 
 bool sameCamera(const Camera& a, const Camera& b) {
@@ -210,7 +248,24 @@ SampleView viewOf(const TwoShotCapture& capture, const Camera& camera) {
   return view;
 }
 
-Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobContext& job) {
+DirectionPair directionsAt(const ReflectancePicture& picture, const Eigen::Vector2d& positionMm) {
+  if (!picture.deviation) {
+    return {picture.toLight,
+            (picture.view.cameraMm - Eigen::Vector3d(positionMm.x(), positionMm.y(), 0)).normalized()};
+  }
+  PhotoPoint point;
+  point.shot = picture.shots.front();
+  point.toLight = picture.toLight, point.cameraMm = picture.view.cameraMm, point.positionMm = positionMm;
+  return picture.deviation->directions(point);
+}
+
+HalfDiffAngles anglesAt(const ReflectancePicture& picture, const DirectionPair& pair) {
+  return picture.deviation ? picture.deviation->angles(pair)
+                           : halfDiffFromDirections(pair.toLight, pair.toView);
+}
+
+Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobContext& job,
+                                      const std::shared_ptr<const TwoShotDeviation>& deviation) {
   LoadedCapture loaded;
   loaded.shots.resize(capture.shots.size());
   std::vector<std::vector<std::size_t>> groups;
@@ -251,12 +306,17 @@ Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobCo
       }
       loaded.shots[s].pixels = std::move(*image);
       loaded.shots[s].noise = estimateNoise({&loaded.shots[s].pixels, &view.inside});
+      if (deviation && deviation->glare != 0) {
+        loaded.shots[s].asTaken = std::move(loaded.shots[s].pixels);
+        loaded.shots[s].pixels = deviation->sharpened(loaded.shots[s].asTaken);
+      }
       const std::lock_guard lock(progress);
       job.progress("read", ++done, total, "photos");
     }
     if (job.cancelled()) return;
     read.picture.emplace(
         makePicture(capture, groups[g], loaded.shots, std::move(view), &read.remarks, &read.unusable));
+    if (deviation && *read.picture) undo(capture, deviation, **read.picture);
   });
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "the fit was cancelled", "", ""};
   std::optional<Error> unusable;

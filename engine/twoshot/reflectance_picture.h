@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "engine/base/result.h"
 #include "engine/capture/two_shot_capture.h"
 #include "engine/image/image.h"
+#include "engine/twoshot/deviation.h"
 #include "engine/twoshot/photo_noise.h"
 
 namespace patina {
@@ -47,16 +49,24 @@ struct ReflectancePicture {
   Eigen::Vector3d toLight = Eigen::Vector3d::UnitZ();
   SampleView view;
   IrradiancePicture irradiance;
-  Image brdf;                         ///< R G B, 1/sr; noise may make it negative
-  Image variance;                     ///< of brdf, without the irradiance's part
-  std::vector<std::uint8_t> usable;   ///< 1: inside the sample, not clipped in every exposure, white known
+  Image brdf;                        ///< R G B, 1/sr; noise may make it negative
+  Image variance;                    ///< of brdf, without the irradiance's part
+  std::vector<std::uint8_t> usable;  ///< 1: inside the sample, not clipped in every exposure, white known
+  /// What the bundle doesn't say of the set-up; `brdf` is free of it. Null: nothing.
+  std::shared_ptr<const TwoShotDeviation> deviation;
   std::size_t clipped = 0, dark = 0;  ///< pixels inside the sample: clipped in all exposures; not above zero
 };
+
+/// Light and view at a point of the sample plane, in the sample's own frame; half-angle coordinates of them,
+/// as the basis is looked up.
+DirectionPair directionsAt(const ReflectancePicture& picture, const Eigen::Vector2d& positionMm);
+HalfDiffAngles anglesAt(const ReflectancePicture& picture, const DirectionPair& pair);
 
 /// One photograph as it was read.
 struct LoadedShot {
   Image pixels;  ///< linear, as the file
   PhotoNoise noise;
+  Image asTaken;  ///< before glare was taken off `pixels`; empty where nothing was
 };
 
 /// All photographs of a bundle that were asked for, and what is known of their light.
@@ -68,9 +78,11 @@ struct LoadedCapture {
 };
 
 /// Reads the fitted shots and their white photographs. A picture that has nothing to fit (black, clipped, its
-/// white black, the sample not in view) is left out, with the reason among the remarks. Errors: those of
-/// `readPhoto`; Invalid where no picture is left, with the last one's reason; Cancelled.
-Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobContext& job);
+/// white black, the sample not in view) is left out, with the reason among the remarks. `deviation`: taken
+/// out of the pictures. Errors: those of `readPhoto`; Invalid where no picture is left, with the last one's
+/// reason; Cancelled.
+Result<LoadedCapture> loadFittedShots(const TwoShotCapture& capture, const JobContext& job,
+                                      const std::shared_ptr<const TwoShotDeviation>& deviation = {});
 
 /// E cos(thetaI) for one shot: its own `normalIrradiance`, or white photographs under the same light. Where
 /// one was taken by the same camera the same pixel is used, else the white is looked up where it sees the

@@ -1,0 +1,562 @@
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <set>
+
+#include "engine/base/text.h"
+#include "engine/diagnosis/explain_kinds.h"
+#include "engine/diagnosis/two_shot_residual.h"
+#include "engine/diagnosis/two_shot_search.h"
+#include "engine/diagnosis/two_shot_surface.h"
+#include "engine/diagnosis/two_shot_words.h"
+#include "engine/effect/effect_info.h"
+#include "engine/twoshot/fit.h"
+
+namespace patina {
+namespace {
+
+/// Rows a photograph: enough for a highlight, few enough for a covariance of all of them.
+constexpr int kRowsPerShot = 110;
+/// ln of the odds that an effect must have gained, beyond the number of effects tried and the false-alarm
+/// rate: what the model of deviations from the basis may itself be wrong by (measured materials outside of
+/// the basis).
+constexpr double kModelDoubt = 8;
+/// Gained by a rough fit before a thorough one is worth its time.
+constexpr double kWorthRefining = 3;
+constexpr int kRefined = 5;
+/// A term of the surface must take this off the error of the photographs that were fitted and of those held
+/// out; without any held out, the second bound is for the fitted ones.
+constexpr double kSurfaceFit = 0.6, kSurfaceHeld = 0.9, kSurfaceFitAlone = 0.35;
+/// The reconstruction with an effect of the set-up may predict held-out photographs worse by this and no
+/// more.
+constexpr double kWorseHeld = 1.03;
+/// A change of less than this, natural-log units, is nobody's concern.
+constexpr double kSmallestReach = 0.002;
+/// Within this share of the best one's gain, another explanation is as good.
+constexpr double kAlike = 0.12;
+
+using Clock = std::chrono::steady_clock;
+
+struct Attempt {
+  std::size_t candidate = 0;
+  TrialOutcome outcome;         ///< of the Gaussian process; effects of the set-up
+  SurfaceTrial::Errors errors;  ///< of the reconstruction with it
+  Eigen::VectorXd value;
+  TwoShotDeviation deviation;
+  double fitRatio = 1, heldRatio = 1;
+  double gain = 0;  ///< ln odds, for a surface term those that the errors are worth
+  bool surface = false, passes = false;
+  std::string verdict;
+};
+
+/// Errors of held-out photographs, with over without: the sum's, or the photographs' own, whichever is
+/// kinder: one highlight among four photographs decides the first alone, and one dark photograph the second.
+double heldRatio(const SurfaceTrial::Errors& with, const SurfaceTrial::Errors& without,
+                 const std::vector<DiagnosisShot>& shots) {
+  if (!(with.held >= 0 && without.held > 0)) return 1;
+  double sum = 0, count = 0;
+  for (std::size_t s = 0; s < with.shot.size() && s < without.shot.size(); ++s) {
+    if (!shots[s].holdout || !(with.shot[s] > 0 && without.shot[s] > 0)) continue;
+    sum += std::log(with.shot[s] / without.shot[s]), ++count;
+  }
+  const double each = count > 0 ? std::exp(sum / count) : 1;
+  return std::min(with.held / without.held, each);
+}
+
+bool isOwnShot(const std::string& id) {
+  return id == "exposure-mismatch" || id == "light-power";
+}
+
+class Explainer {
+ public:
+  Explainer(const std::vector<std::filesystem::path>& bundles, const ExplainOptions& options,
+            const JobContext& job)
+      : options_(options), job_(job) {
+    out_->kind = "two-shot";
+    out_->bundles = bundles;
+  }
+
+  Result<ExplanationPtr> run() {
+    const auto start = Clock::now();
+    Result<TwoShotCapture> capture = readTwoShotCapture(out_->bundles.front(), job_);
+    if (!capture) return capture.error();
+    capture_ = std::move(*capture);
+    job_.progress("fit", 0, 1, "fits");
+    Result<BasisPtr> basis = builtInBasis(job_);
+    if (!basis) return basis.error();
+    basis_ = *basis;
+    fitOptions_.clusters = 0;
+    auto before = fitTwoShot(capture_, basis_, fitOptions_, job_);
+    if (!before) return before.error();
+    before_ = *before;
+    job_.progress("fit", 1, 1, "fits");
+    lap("fit", start);
+    if (before_->materials.size() > 1) {
+      out_->remarks.push_back(
+          "The sample holds several materials: effects were looked for on the largest one, and the fits are "
+          "of all.");
+    }
+    if (out_->bundles.size() > 1) {
+      out_->remarks.push_back(
+          "Two-shot bundles are explained one by one: this is the first one's explanation, the others were "
+          "not read.");
+    }
+
+    const auto reading = Clock::now();
+    job_.progress("residual", 0, 1, "bundles");
+    Result<DiagnosisData> data = loadDiagnosisData(capture_, kRowsPerShot, job_);
+    if (!data) return data.error();
+    data_ = std::move(*data);
+    candidates_ = twoShotCandidates(capture_, data_);
+    model_.emplace(basis_);
+    search_.emplace(*model_, data_, job_);
+    job_.progress("residual", 1, 1, "bundles");
+    lap("residual", reading);
+    if (search_->fitted().size() < 20) {
+      out_->remarks.push_back("Too few pixels can be used to look for effects.");
+      return finish(before_, start);
+    }
+
+    const auto searching = Clock::now();
+    scores();
+    std::set<std::string> taken;
+    std::vector<Attempt> added;
+    for (int round = 0; round < options_.maxEffects && !job_.cancelled(); ++round) {
+      std::vector<Attempt> attempts = roundOf(round, taken);
+      if (round == 0) first_ = attempts;
+      const auto best =
+          std::max_element(attempts.begin(), attempts.end(), [](const Attempt& a, const Attempt& b) {
+            return (a.passes ? a.gain : -1e9) < (b.passes ? b.gain : -1e9);
+          });
+      if (best == attempts.end() || !best->passes) {
+        last_ = std::move(attempts);
+        break;
+      }
+      confuse(*best, attempts, round == 0);
+      taken.insert(candidates_[best->candidate].id);
+      search_->accept(best->deviation, best->surface ? nullptr : &best->outcome.basis);
+      added.push_back(*best);
+      last_ = std::move(attempts);
+    }
+    lap("score", searching);
+    if (job_.cancelled()) {
+      out_->cancelled = true;
+      return finish(before_, start);
+    }
+
+    const auto refitting = Clock::now();
+    TwoShotFitPtr after = before_;
+    if (!added.empty() || saturation_ > 0) {
+      job_.progress("refit", 0, 1, "fits");
+      auto refitted = refit(added, added.size());
+      if (!refitted) return refitted.error();
+      after = *refitted;
+      job_.progress("refit", 1, 1, "fits");
+    }
+    findings(added, after);
+    budget(taken);
+    lap("refit", refitting);
+    return finish(after, start);
+  }
+
+ private:
+  using TwoShotFitPtr = std::shared_ptr<const TwoShotFit>;
+
+  void lap(const std::string& stage, Clock::time_point since) {
+    out_->seconds[stage] += std::chrono::duration<double>(Clock::now() - since).count();
+  }
+
+  /// The score test of every effect that has one, at "nothing added".
+  void scores() {
+    scores_.assign(candidates_.size(), {});
+    tbb::parallel_for(std::size_t{0}, candidates_.size(), [&](std::size_t i) {
+      if (candidates_[i].linear && !job_.cancelled()) scores_[i] = search_->score(candidates_[i]);
+    });
+  }
+
+  std::vector<Attempt> roundOf(int round, const std::set<std::string>& taken) {
+    std::vector<Attempt> attempts;
+    for (std::size_t i = 0; i < candidates_.size(); ++i) {
+      const TwoShotCandidate& candidate = candidates_[i];
+      if (taken.contains(candidate.id) || !candidate.unobservable.empty()) continue;
+      Attempt attempt;
+      attempt.candidate = i;
+      attempt.surface = !candidate.linear;
+      attempts.push_back(attempt);
+    }
+    const SurfaceTrial trial(*basis_, search_->fitted(), search_->held(), search_->accepted());
+    const SurfaceTrial::Errors without = trial.errors(search_->accepted());
+    const auto total = static_cast<std::int64_t>(attempts.size());
+    std::atomic<std::int64_t> done{0};
+    job_.progress("score", 0, total, "effects");
+    tbb::parallel_for(std::size_t{0}, attempts.size(), [&](std::size_t i) {
+      Attempt& attempt = attempts[i];
+      const TwoShotCandidate& candidate = candidates_[attempt.candidate];
+      if (job_.cancelled()) return;
+      if (attempt.surface) {
+        const SurfaceTrial::Found found = trial.search(candidate, job_);
+        attempt.errors = found.errors, attempt.value = found.value, attempt.deviation = found.deviation;
+      } else {
+        attempt.outcome = search_->look(candidate);
+      }
+      job_.progress("score", ++done, total, "effects");
+    });
+    // The thorough fit of those that gained most.
+    std::vector<std::size_t> order;
+    for (std::size_t i = 0; i < attempts.size(); ++i)
+      if (!attempts[i].surface && attempts[i].outcome.tried &&
+          attempts[i].outcome.lnEvidence > kWorthRefining)
+        order.push_back(i);
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return attempts[a].outcome.lnEvidence > attempts[b].outcome.lnEvidence;
+    });
+    if (order.size() > kRefined) order.resize(kRefined);
+    job_.progress("refit", 0, static_cast<std::int64_t>(order.size()), "effects");
+    std::atomic<std::int64_t> refined{0};
+    tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t k) {
+      Attempt& attempt = attempts[order[k]];
+      if (job_.cancelled()) return;
+      attempt.outcome = search_->refine(candidates_[attempt.candidate], attempt.outcome);
+      attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;
+      const SurfaceTrial with(*basis_, search_->fitted(), search_->held(), attempt.deviation);
+      attempt.errors = with.errors(attempt.deviation);
+      job_.progress("refit", ++refined, static_cast<std::int64_t>(order.size()), "effects");
+    });
+    for (Attempt& attempt : attempts) judge(attempt, without, round);
+    return attempts;
+  }
+
+  void judge(Attempt& attempt, const SurfaceTrial::Errors& without, int) {
+    const TwoShotCandidate& candidate = candidates_[attempt.candidate];
+    const bool held = without.held > 0;
+    if (attempt.errors.fit >= 0 && without.fit > 0) {
+      attempt.fitRatio = attempt.errors.fit / without.fit;
+      attempt.heldRatio = heldRatio(attempt.errors, without, data_.shots);
+    }
+    char text[300];
+    if (attempt.surface) {
+      attempt.passes = held ? attempt.fitRatio <= kSurfaceFit && attempt.heldRatio <= kSurfaceHeld
+                            : attempt.fitRatio <= kSurfaceFitAlone;
+      // Errors of some hundred rows that are alike within a few dozen groups.
+      constexpr double kWorth = 60;
+      attempt.gain = -kWorth * (std::log(std::max(attempt.fitRatio, 1e-3)) +
+                                std::log(std::max(attempt.heldRatio, 1e-3)));
+      const char* vain = attempt.passes ? "" : ": the basis does as well without it";
+      if (held) {
+        std::snprintf(text, sizeof text,
+                      "with it the fitted photographs' error would be %.2f times, the held-out ones' %.2f "
+                      "times what it "
+                      "is%s",
+                      attempt.fitRatio, attempt.heldRatio, vain);
+      } else {
+        std::snprintf(text, sizeof text, "with it the photographs' error would be %.2f times what it is%s",
+                      attempt.fitRatio, vain);
+      }
+      attempt.verdict = text;
+      return;
+    }
+    const TrialOutcome& o = attempt.outcome;
+    if (attempt.errors.fit < 0) {
+      attempt.gain = std::min(o.lnEvidence, 0.0);
+      attempt.verdict = "the photographs are no more probable with it than without";
+      return;
+    }
+    attempt.gain = o.lnTotal();
+    const double needed =
+        std::log(static_cast<double>(candidates_.size()) / std::max(options_.falseAlarmRate, 1e-6)) +
+        kModelDoubt;
+    const bool around = o.lnAround > needed;
+    const bool heldAgree = !held || isOwnShot(candidate.id) || o.lnHeld > -0.05 * std::max(o.lnEvidence, 0.0);
+    // Colours that mix in the camera are colours of the material to a fit: only what lies around the sample
+    // can tell.
+    const bool tellable = candidate.id != "channel-crosstalk" || around;
+    const bool notWorse = isOwnShot(candidate.id) || attempt.heldRatio <= kWorseHeld;
+    const bool helps = attempt.heldRatio < 0.98 || attempt.fitRatio < 0.98 || around;
+    attempt.passes =
+        attempt.gain > needed && heldAgree && tellable && notWorse && helps && o.reach > kSmallestReach;
+    if (candidate.surface) attempt.passes &= held && attempt.heldRatio < 0.9 && attempt.fitRatio < 0.95;
+    if (attempt.passes) {
+      std::snprintf(text, sizeof text, "the photographs are e^%.0f times as probable with it", attempt.gain);
+    } else if (attempt.gain <= needed) {
+      std::snprintf(text, sizeof text,
+                    "the evidence for it, e^%.1f, is less than the e^%.1f that chance may give", attempt.gain,
+                    needed);
+    } else if (!heldAgree) {
+      std::snprintf(text, sizeof text,
+                    "it explains the fitted photographs, but the held-out ones speak against it");
+    } else if (!tellable) {
+      std::snprintf(text, sizeof text, "a material of another colour would look the same");
+    } else {
+      std::snprintf(text, sizeof text,
+                    "it would not make the reconstruction predict better (%.2f times the error of held-out "
+                    "photographs)",
+                    attempt.heldRatio);
+    }
+    attempt.verdict = text;
+  }
+
+  /// Explanations as good as the best one make a group, and photographs that would decide are suggested.
+  void confuse(const Attempt& best, const std::vector<Attempt>& attempts, bool first) {
+    const std::string& id = candidates_[best.candidate].id;
+    std::vector<std::string> group{id};
+    double runnerUp = 0;
+    for (const Attempt& other : attempts) {
+      const std::string& otherId = candidates_[other.candidate].id;
+      if (otherId == id || !other.passes) continue;
+      runnerUp = std::max(runnerUp, other.gain);
+      if (other.gain > (1 - kAlike) * best.gain && group.size() < 2 && !best.surface && !other.surface)
+        group.push_back(otherId);
+    }
+    const auto alias = [&](const char* a, const char* b) {
+      if (id == a && group.size() < 2) group.emplace_back(b);
+    };
+    alias("exposure-mismatch", "light-power");
+    for (const TwoShotCandidate& candidate : candidates_)
+      if (candidate.id == "black-level" && !candidate.unobservable.empty())
+        alias("stray-light", "black-level");
+    if (group.size() > 1) {
+      out_->confusable.push_back(group);
+      out_->suggest.push_back({group[0], group[1], decidingCapture(group[0], group[1]), 0});
+    }
+    const double margin = best.gain - (group.size() > 1 ? 0 : runnerUp);
+    confidence_[id] = std::clamp(1 - 0.5 * std::exp(-margin / 25), 0.5, 0.98);
+    static_cast<void>(first);
+  }
+
+  Result<TwoShotFitPtr> refit(const std::vector<Attempt>& added, std::size_t count) {
+    auto deviation = std::make_shared<TwoShotDeviation>();
+    if (count > 0) *deviation = added[count - 1].deviation;
+    return fitTwoShot(capture_, basis_, fitOptions_, job_, deviation);
+  }
+
+  double sigmasOf(double p, double gain) const {
+    // As a person counts: the normal variable that is exceeded as rarely. Beyond what p can hold, by the
+    // odds.
+    if (p < 1e-250) return std::sqrt(2 * std::max(gain, 576.0));
+    double low = 0, high = 40;
+    for (int i = 0; i < 60; ++i) {
+      const double middle = (low + high) / 2;
+      (std::erfc(middle / std::sqrt(2.0)) > p ? low : high) = middle;
+    }
+    return low;
+  }
+
+  void fill(EffectFinding& finding, const Attempt& attempt) const {
+    const TwoShotCandidate& candidate = candidates_[attempt.candidate];
+    finding.id = candidate.id;
+    const double tried = static_cast<double>(candidates_.size());
+    if (candidate.linear) {
+      const TwoShotSearch::Score& score = scores_[attempt.candidate];
+      finding.sigmas = sigmasOf(score.correctedP, attempt.gain);
+      finding.correctedP = std::min(1.0, tried * score.correctedP);
+      if (attempt.passes && attempt.gain > 0) {
+        finding.sigmas = std::max(finding.sigmas, std::sqrt(2 * attempt.gain));
+        finding.correctedP = std::min(finding.correctedP, std::min(1.0, tried * std::exp(-attempt.gain)));
+      }
+    } else {
+      finding.sigmas = std::sqrt(2 * std::max(attempt.gain, 0.0));
+      finding.correctedP = attempt.passes ? std::min(1.0, tried * std::exp(-attempt.gain)) : 1;
+    }
+    const double ratio = attempt.errors.held >= 0 ? attempt.heldRatio : attempt.fitRatio;
+    finding.explained = std::clamp(1 - ratio * ratio, 0.0, 1.0);
+    finding.verdict = (candidate.variant.empty() ? "" : candidate.variant + ": ") + attempt.verdict + ".";
+    if (!finding.verdict.empty())
+      finding.verdict[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(finding.verdict[0])));
+  }
+
+  void findings(const std::vector<Attempt>& added, const TwoShotFitPtr& after) {
+    for (std::size_t i = 0; i < added.size(); ++i) {
+      const Attempt& attempt = added[i];
+      const TwoShotCandidate& candidate = candidates_[attempt.candidate];
+      EffectFinding finding;
+      fill(finding, attempt);
+      finding.added = true;
+      finding.parameters = estimatesOf(candidate, attempt.value,
+                                       attempt.surface ? surfaceSd(candidate, attempt) : attempt.outcome.sd);
+      finding.sentence = sentenceOf(candidate.id, finding.parameters);
+      finding.confidence = confidence_[candidate.id];
+      finding.holdoutRmsWith = after->stats.holdoutRms;
+      finding.holdoutRmsWithout = before_->stats.holdoutRms;
+      if (added.size() > 1 && i + 1 == added.size() && !job_.cancelled()) {
+        if (auto without = refit(added, added.size() - 1))
+          finding.holdoutRmsWithout = (*without)->stats.holdoutRms;
+      }
+      finding.plots.push_back(plotOf(*after));
+      out_->effects.push_back(std::move(finding));
+    }
+    // Of the others, the best variant of each effect.
+    std::set<std::string> told;
+    for (const EffectFinding& effect : out_->effects) told.insert(effect.id);
+    std::vector<const Attempt*> others;
+    for (const Attempt& attempt : last_) others.push_back(&attempt);
+    for (const Attempt& attempt : first_) others.push_back(&attempt);
+    std::stable_sort(others.begin(), others.end(),
+                     [](const Attempt* a, const Attempt* b) { return a->gain > b->gain; });
+    for (const Attempt* attempt : others) {
+      const TwoShotCandidate& candidate = candidates_[attempt->candidate];
+      if (!told.insert(candidate.id).second) continue;
+      EffectFinding finding;
+      fill(finding, *attempt);
+      if (attempt->errors.held >= 0) {
+        finding.holdoutRmsWith = before_->stats.holdoutRms * attempt->heldRatio;
+        finding.holdoutRmsWithout = before_->stats.holdoutRms;
+      }
+      out_->considered.push_back(std::move(finding));
+    }
+    for (const TwoShotCandidate& candidate : candidates_) {
+      if (candidate.unobservable.empty() || !told.insert(candidate.id).second) continue;
+      EffectFinding finding;
+      finding.id = candidate.id;
+      finding.verdict = "These photographs can't show it: " + candidate.unobservable + ".";
+      out_->considered.push_back(std::move(finding));
+      if (candidate.id == "retroreflection")
+        out_->suggest.push_back({candidate.id, "basis-deviation", decidingCapture(candidate.id, ""), 0});
+    }
+    for (const EffectInfo* effect : effectCatalogue()) {
+      const std::string id(effect->id);
+      if (!(effect->kinds & kTwoShotKind) || !told.insert(id).second) continue;
+      EffectFinding finding;
+      finding.id = id;
+      if (id == "light-power") {
+        finding.verdict = "One factor a photograph, like an exposure mismatch: told together with it.";
+      } else if (id == "saturation") {
+        finding.verdict =
+            "No photograph has a plateau at its largest value; clipped pixels would be left out.";
+      } else if (id == "basis-deviation") {
+        finding.verdict = "What no effect explains is told as unexplained, and where it sits.";
+      } else {
+        finding.verdict = "Not looked for in two-shot captures.";
+      }
+      out_->considered.push_back(std::move(finding));
+    }
+  }
+
+  /// How much a parameter of a lobe may change before the error does: from the errors on either side.
+  Eigen::VectorXd surfaceSd(const TwoShotCandidate& candidate, const Attempt& attempt) const {
+    const SurfaceTrial trial(*basis_, search_->fitted(), search_->held(), attempt.deviation);
+    Eigen::VectorXd sd(attempt.value.size());
+    for (Eigen::Index p = 0; p < sd.size(); ++p) {
+      const double step = 0.15 * candidate.parameters[static_cast<std::size_t>(p)].sd;
+      double curvature = 0;
+      for (const double direction : {1.0, -1.0}) {
+        Eigen::VectorXd moved = attempt.value;
+        moved[p] += direction * step;
+        TwoShotDeviation there = attempt.deviation;
+        candidate.apply(moved, there);
+        const double error = trial.errors(there).fit;
+        if (error > 0) curvature += 2 * std::log(error / std::max(attempt.errors.fit, 1e-9)) / (step * step);
+      }
+      // Some thirty independent groups of rows.
+      sd[p] = std::min(candidate.parameters[static_cast<std::size_t>(p)].sd,
+                       1 / std::sqrt(std::max(15 * curvature, 1e-6)));
+    }
+    return sd;
+  }
+
+  /// Each photograph's brightness over what is predicted without and with the effects, against the radius or
+  /// thetaH.
+  SignaturePlot plotOf(const TwoShotFit& after) const {
+    SignaturePlot plot;
+    plot.title = "Error of each photograph, before and after";
+    plot.xLabel = "photograph", plot.yLabel = "relative error";
+    for (const TwoShotComparison& first : before_->comparisons) {
+      for (const TwoShotComparison& second : after.comparisons) {
+        if (first.file != second.file || first.rms < 0 || second.rms < 0) continue;
+        plot.x.push_back(static_cast<double>(plot.x.size()));
+        plot.xNames.push_back(first.file + (first.holdout ? " (held out)" : ""));
+        plot.seen.push_back(first.rms);
+        plot.expected.push_back(second.rms);
+        plot.seenSd.push_back(first.noiseFloor);
+      }
+    }
+    return plot;
+  }
+
+  void budget(const std::set<std::string>& taken) {
+    std::set<std::string> told;
+    for (std::size_t i = 0; i < candidates_.size(); ++i) {
+      const TwoShotCandidate& candidate = candidates_[i];
+      if (!candidate.linear || taken.contains(candidate.id) || job_.cancelled()) continue;
+      if (!candidate.unobservable.empty() || !told.insert(candidate.id).second) continue;
+      const TwoShotSearch::Score& score = scores_[i];
+      for (Eigen::Index p = 0; p < score.sd.size(); ++p) {
+        const TwoShotCandidate::Parameter& parameter = candidate.parameters[static_cast<std::size_t>(p)];
+        BudgetLine line;
+        line.id = candidate.id;
+        line.parameter = parameter.name + (parameter.where.empty() ? "" : " of " + parameter.where);
+        line.unit = parameter.unit;
+        // 95 %, and not more than four of the prior's own standard deviations: nobody would overlook that.
+        line.largestUnseen = std::min(1.96 * score.sd[p], 4 * parameter.sd);
+        const double shift = line.largestUnseen * score.absorbed[p];
+        line.shifts.push_back({"BRDF where it was measured", "natural log", shift});
+        char text[240];
+        std::snprintf(text, sizeof text,
+                      "Up to %.3g %s would not be seen, and would change the BRDF by %.1f %%.",
+                      line.largestUnseen, parameter.unit.c_str(), 100 * std::expm1(shift));
+        line.sentence = text;
+        out_->budget.push_back(std::move(line));
+      }
+    }
+  }
+
+  Result<ExplanationPtr> finish(const TwoShotFitPtr& after, Clock::time_point start) {
+    const auto reporting = Clock::now();
+    job_.progress("report", 0, 1, "reports");
+    describeResiduals(*before_, *after, options_.pictures, out_.get());
+    out_->twoShotBefore = before_, out_->twoShotAfter = after;
+    remedy();
+    out_->cancelled |= job_.cancelled();
+    job_.progress("report", 1, 1, "reports");
+    lap("report", reporting);
+    lap("total", start);
+    return ExplanationPtr(std::move(out_));
+  }
+
+  /// What helps where the basis itself is what lacks.
+  void remedy() {
+    const double left = out_->after.holdoutRms >= 0 ? out_->after.holdoutRms : out_->after.fitRms;
+    const double floor = out_->after.holdoutRms >= 0 ? out_->noiseFloorHoldout : out_->noiseFloorFit;
+    if (left > 3 * floor && left > 0.1)
+      out_->remarks.push_back(
+          "The basis holds no material like this one in the directions that no photograph saw. Measured "
+          "BRDFs of similar "
+          "materials, added with 'patina-cli basis build', help more here than any term would; so does one "
+          "more "
+          "photograph.");
+  }
+
+  ExplainOptions options_;
+  const JobContext& job_;
+  std::shared_ptr<Explanation> out_ = std::make_shared<Explanation>();
+  TwoShotCapture capture_;
+  BasisPtr basis_;
+  TwoShotFitOptions fitOptions_;
+  TwoShotFitPtr before_;
+  DiagnosisData data_;
+  std::vector<TwoShotCandidate> candidates_;
+  std::optional<TwoShotModel> model_;
+  std::optional<TwoShotSearch> search_;
+  std::vector<TwoShotSearch::Score> scores_;
+  std::vector<Attempt> first_, last_;
+  std::map<std::string, double> confidence_;
+  double saturation_ = 0;
+};
+
+}  // namespace
+
+Result<ExplanationPtr> explainTwoShot(const std::vector<std::filesystem::path>& bundles,
+                                      const ExplainOptions& options, const JobContext& job) {
+  if (bundles.empty()) return Error{ErrorCode::Invalid, "there is no bundle to explain", "", "name one"};
+  tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
+  std::optional<Result<ExplanationPtr>> result;
+  arena.execute([&] { result.emplace(Explainer(bundles, options, job).run()); });
+  return std::move(*result);
+}
+
+}  // namespace patina

@@ -1,0 +1,339 @@
+#include "engine/diagnosis/two_shot_model.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "engine/base/dense.h"
+#include "engine/twoshot/mapping.h"
+
+namespace patina {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kDegree = std::numbers::pi / 180;
+/// The extra lobes' shapes are guesses, off by this share of them, smoothly and in all channels alike; and by
+/// the second share from row to row.
+constexpr double kLobeError = 0.12, kLobeGrain = 0.01;
+/// Cosines of light and view below which rows are left out: measured BRDFs are not to be trusted there.
+constexpr double kSmallestCosine = 0.15;
+/// Reach of the smooth deviations: thetaH in cells of the MERL grid (90 sqrt(thetaH / 90 degrees)), thetaD in
+/// degrees.
+constexpr double kBroadCells = 16, kBroadDeg = 22, kFineCells = 5, kFineDeg = 8;
+/// Weight of phiD's coordinate, in units of the broad reach.
+constexpr double kPhiWeight = 2;
+/// Prior of the deviations' sizes: medians (materials left out of the built-in basis), one standard deviation
+/// of their logarithm.
+constexpr double kPriorSpread = 1.2;
+constexpr BasisDeviation::Part kBrightnessMedian{0.012, 0.03, 0.08}, kColourMedian{0.008, 0.012, 0.03};
+constexpr double kSmallestPart = 1e-4, kLargestPart = 2;
+/// What a photograph's own value is off by, relative: averages over blocks, the grid's interpolation, 16-bit
+/// files.
+constexpr double kPixelError = 0.004;
+/// Share of what was seen below which the rest beside a lobe is not taken by its logarithm any more.
+constexpr double kSmallestShare = 0.05;
+
+const Eigen::Matrix3d& combinations() {
+  static const Eigen::Matrix3d matrix = [] {
+    Eigen::Matrix3d m;
+    m << 1 / std::sqrt(3.0), 1 / std::sqrt(3.0), 1 / std::sqrt(3.0),  //
+        1 / std::sqrt(2.0), 0, -1 / std::sqrt(2.0),                   //
+        1 / std::sqrt(6.0), -2 / std::sqrt(6.0), 1 / std::sqrt(6.0);
+    return m;
+  }();
+  return matrix;
+}
+
+Eigen::RowVector3d placeOf(const HalfDiffAngles& angles) {
+  const double cells = 90 * std::sqrt(std::max(angles.thetaHRad, 0.0) / (90 * kDegree));
+  return {
+      cells / kBroadCells, angles.thetaDRad / (kBroadDeg * kDegree),
+      kPhiWeight * std::sin(angles.thetaHRad) * std::sin(angles.thetaDRad) * std::cos(2 * angles.phiDRad)};
+}
+
+/// Covariance of the smooth deviations between two sets of places, for both parts of a set of sizes.
+MatrixXd smoothCovariance(const MatrixXd& a, const MatrixXd& b, const BasisDeviation::Part& part) {
+  MatrixXd out(a.rows(), b.rows());
+  const double broad = part.broad * part.broad, fine = part.fine * part.fine;
+  const double rh = kBroadCells / kFineCells, rd = kBroadDeg / kFineDeg;
+  tbb::parallel_for(Index{0}, b.rows(), [&](Index j) {
+    for (Index i = 0; i < a.rows(); ++i) {
+      const double h = a(i, 0) - b(j, 0), d = a(i, 1) - b(j, 1), p = a(i, 2) - b(j, 2);
+      const double far = h * h + d * d + p * p, near = h * h * rh * rh + d * d * rd * rd + 4 * p * p;
+      // Beyond 60 an exponential adds less than rounding.
+      double sum = 0;
+      if (broad > 0 && far < 60) sum += broad * std::exp(-0.5 * far);
+      if (fine > 0 && near < 60) sum += fine * std::exp(-0.5 * near);
+      out(i, j) = sum;
+    }
+  });
+  return out;
+}
+
+/// Adds the covariance that the guessed shape of an added lobe brings: smooth over a half of the broad reach.
+void addLobeCovariance(const MatrixXd& place, const MatrixXd& lobe, MatrixXd& out) {
+  if (lobe.size() == 0) return;
+  const double share = kLobeError * kLobeError / static_cast<double>(lobe.cols());
+  tbb::parallel_for(Index{0}, place.rows(), [&](Index j) {
+    for (Index i = 0; i < place.rows(); ++i) {
+      const double far = (place.row(i) - place.row(j)).squaredNorm();
+      if (far < 15) out(i, j) += share * lobe.row(i).dot(lobe.row(j)) * std::exp(-2 * far);
+    }
+  });
+}
+
+MatrixXd covariance(const MatrixXd& place, const MatrixXd& root, const VectorXd& noise, const MatrixXd& lobe,
+                    const BasisDeviation::Part& part) {
+  MatrixXd out = smoothCovariance(place, place, part);
+  addLobeCovariance(place, lobe, out);
+  multiply(root, false, root, true, out, 1, 1);
+  out.diagonal() += noise;
+  out.diagonal().array() += part.grain * part.grain;
+  return out;
+}
+
+double lnDeterminant(const MatrixXd& lower) {
+  double sum = 0;
+  for (Index i = 0; i < lower.rows(); ++i) sum += 2 * std::log(lower(i, i));
+  return sum;
+}
+
+/// ln likelihood of the columns of y, all with one covariance; the factor and the solutions are kept.
+bool likelihood(MatrixXd matrix, const MatrixXd& y, MatrixXd* factor, MatrixXd* solved, double* ln) {
+  if (!choleskyInPlace(matrix)) return false;
+  MatrixXd z = y;
+  solveLowerInPlace(matrix, false, z);
+  const auto columns = static_cast<double>(y.cols());
+  *ln += -0.5 * z.squaredNorm() - 0.5 * columns * lnDeterminant(matrix) -
+         0.5 * columns * static_cast<double>(y.rows()) * std::log(2 * std::numbers::pi);
+  if (solved) {
+    solveLowerInPlace(matrix, true, z);
+    *solved = std::move(z);
+  }
+  if (factor) *factor = std::move(matrix);
+  return std::isfinite(*ln);
+}
+
+double lnPriorOf(const BasisDeviation::Part& part, const BasisDeviation::Part& median) {
+  const auto one = [](double value, double middle) {
+    const double x = std::log(value / middle) / kPriorSpread;
+    return -0.5 * x * x;
+  };
+  return one(part.grain, median.grain) + one(part.fine, median.fine) + one(part.broad, median.broad);
+}
+
+}  // namespace
+
+TwoShotModel::TwoShotModel(BasisPtr basis) : basis_(std::move(basis)) {
+  const MatrixXd& columns = basis_->columnCoefficients();
+  const Index materials = columns.cols() / 3;
+  brightness_.resize(columns.rows(), materials);
+  colour_.resize(columns.rows(), 2 * materials);
+  const Eigen::Matrix3d& mix = combinations();
+  const double root = 1 / std::sqrt(static_cast<double>(materials));
+  for (Index m = 0; m < materials; ++m) {
+    const MatrixXd mixed = columns.middleCols(3 * m, 3) * mix.transpose() * root;
+    brightness_.col(m) = mixed.col(0);
+    // Which of the two differences a material deviates in is its hue's accident: both have the same
+    // covariance.
+    colour_.middleCols(2 * m, 2) = mixed.rightCols(2) / std::sqrt(2.0);
+  }
+}
+
+std::vector<DiagnosisRow> TwoShotModel::usable(const std::vector<DiagnosisRow>& rows) const {
+  std::vector<DiagnosisRow> chosen;
+  std::vector<HalfDiffAngles> angles;
+  const TwoShotDeviation none;
+  for (const DiagnosisRow& row : rows) {
+    const DirectionPair pair = none.directions(row.point);
+    if (pair.toLight.z() < kSmallestCosine || pair.toView.z() < kSmallestCosine) continue;
+    chosen.push_back(row);
+    angles.push_back(none.angles(pair));
+  }
+  std::vector<int> kept;
+  static_cast<void>(basis_->rows(angles, &kept));
+  std::vector<DiagnosisRow> covered;
+  for (const int i : kept) covered.push_back(chosen[i]);
+  return covered;
+}
+
+MappedRows TwoShotModel::map(const std::vector<DiagnosisRow>& rows, const TwoShotDeviation& deviation,
+                             const MappedRows* like) const {
+  const auto n = static_cast<Index>(rows.size());
+  MappedRows out;
+  out.value.resize(n, 3), out.noise.resize(n, 3), out.place.resize(n, 3);
+  if (deviation.retro || deviation.coat || deviation.sheen != 0) out.lobe.resize(n, 3);
+  std::vector<DirectionPair> pairs;
+  for (const DiagnosisRow& row : rows) {
+    pairs.push_back(deviation.directions(row.point));
+    out.angles.push_back(deviation.angles(pairs.back()));
+  }
+  const auto same = [](const HalfDiffAngles& a, const HalfDiffAngles& b) {
+    return a.thetaHRad == b.thetaHRad && a.thetaDRad == b.thetaDRad && a.phiDRad == b.phiDRad;
+  };
+  const bool reuse = like && like->size() == n &&
+                     std::equal(out.angles.begin(), out.angles.end(), like->angles.begin(), same);
+  out.anglesTakenOver = reuse;
+  if (reuse) {
+    out.weight = like->weight, out.offset = like->offset;
+    out.brightness = like->brightness, out.colour = like->colour, out.place = like->place;
+  } else {
+    std::vector<int> kept;
+    BasisRows basisRows = basis_->rows(out.angles, &kept);
+    if (basisRows.size() != n) {
+      // The deviation took a row across the basis' border: it stays where the bundle says it is.
+      std::vector<char> known(rows.size(), 0);
+      for (const int i : kept) known[i] = 1;
+      const TwoShotDeviation none;
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        if (!known[i]) out.angles[i] = none.angles(none.directions(rows[i].point));
+      basisRows = basis_->rows(out.angles);
+    }
+    out.weight = basisRows.weight, out.offset = basisRows.lnReference + basisRows.mean;
+    out.brightness = product(basisRows.components, false, brightness_, false);
+    out.colour = product(basisRows.components, false, colour_, false);
+    for (Index i = 0; i < n; ++i) out.place.row(i) = placeOf(out.angles[i]);
+  }
+  const Eigen::Matrix3d& mix = combinations();
+  const Eigen::Matrix3d squares = mix.array().square().matrix();
+  for (Index i = 0; i < n; ++i) {
+    const DiagnosisRow& row = rows[static_cast<std::size_t>(i)];
+    Eigen::Array3d seen = row.seen, slope;
+    if (deviation.glare != 0) {
+      std::size_t nearest = 0;
+      for (std::size_t b = 1; b < kBlurPx.size(); ++b)
+        if (std::abs(std::log(kBlurPx[b] / deviation.glarePx)) <
+            std::abs(std::log(kBlurPx[nearest] / deviation.glarePx)))
+          nearest = b;
+      seen -= deviation.glare * row.blurred[nearest];
+    }
+    if (deviation.defocusPx != 0)
+      seen -=
+          deviation.defocusPx * std::abs(deviation.defocusPx) / (kBlurPx[0] * kBlurPx[0]) * row.blurred[0];
+    const Eigen::Array3d base = deviation.baseFromSeen(seen, row.point, pairs[i], &slope);
+    const Eigen::Array3d lobes = deviation.added(pairs[i]);
+    const double w = out.weight[i];
+    Eigen::Vector3d value, variance, lobeSlope;
+    for (int c = 0; c < 3; ++c) {
+      // Where an added lobe leaves little or nothing of what was seen, the logarithm goes on as its tangent:
+      // a lobe that is a little too high must not send a row to minus infinity, and a search must feel which
+      // way is up.
+      const double f = base[c], floor = std::max(kSmallestShare * (f + lobes[c]), lobes[c] > 0 ? 1e-6 : 0.0);
+      const double at = std::max(f, floor), mapped = w / (at * w + kMappingEpsilon);
+      value[c] = std::log(at * w + kMappingEpsilon) + (f - at) * mapped - out.offset[i];
+      lobeSlope[c] = lobes[c] * mapped;
+      const double lobe = kLobeGrain * lobes[c], pixel = kPixelError * seen[c] * slope[c];
+      variance[c] = (row.variance[c] * slope[c] * slope[c] + lobe * lobe + pixel * pixel) * mapped * mapped;
+      out.lnJacobian += std::log(std::max(std::abs(slope[c]), 1e-12) * mapped);
+    }
+    out.value.row(i) = (mix * value).transpose();
+    out.noise.row(i) = (squares * variance).transpose();
+    if (out.lobe.size() > 0) out.lobe.row(i) = (mix * lobeSlope).transpose();
+  }
+  return out;
+}
+
+ConditionedRows TwoShotModel::condition(const MappedRows& rows, const BasisDeviation& basis) const {
+  ConditionedRows out;
+  MatrixXd solvedBrightness, solvedColour;
+  double ln[2] = {0, 0};
+  bool ok[2] = {false, false};
+  tbb::parallel_for(0, 2, [&](int part) {
+    if (part == 0) {
+      ok[0] = likelihood(
+          covariance(rows.place, rows.brightness, rows.noise.col(0),
+                     rows.lobe.size() > 0 ? MatrixXd(rows.lobe.leftCols(1)) : MatrixXd(), basis.brightness),
+          rows.value.leftCols(1), &out.factorBrightness, &solvedBrightness, &ln[0]);
+    } else {
+      ok[1] = likelihood(
+          covariance(rows.place, rows.colour, rows.noise.rightCols(2).rowwise().mean(),
+                     rows.lobe.size() > 0 ? MatrixXd(rows.lobe.rightCols(2)) : MatrixXd(), basis.colour),
+          rows.value.rightCols(2), &out.factorColour, &solvedColour, &ln[1]);
+    }
+  });
+  out.ok = ok[0] && ok[1];
+  if (!out.ok) {
+    out.lnLikelihood = -std::numeric_limits<double>::infinity();
+    return out;
+  }
+  out.lnLikelihood = ln[0] + ln[1] + rows.lnJacobian;
+  out.solved.resize(rows.size(), 3);
+  out.solved.leftCols(1) = solvedBrightness;
+  out.solved.rightCols(2) = solvedColour;
+  return out;
+}
+
+MatrixXd TwoShotModel::predict(const MappedRows& seen, const ConditionedRows& conditioned,
+                               const MappedRows& there, const BasisDeviation& basis) const {
+  MatrixXd out(there.size(), 3);
+  const MatrixXd solvedColour = conditioned.solved.rightCols(2);
+  out.leftCols(1) = there.brightness * (seen.brightness.transpose() * conditioned.solved.col(0)) +
+                    smoothCovariance(there.place, seen.place, basis.brightness) * conditioned.solved.col(0);
+  out.rightCols(2) = there.colour * (seen.colour.transpose() * solvedColour) +
+                     smoothCovariance(there.place, seen.place, basis.colour) * solvedColour;
+  return out;
+}
+
+double TwoShotModel::lnPrior(const BasisDeviation& basis) {
+  return lnPriorOf(basis.brightness, kBrightnessMedian) + lnPriorOf(basis.colour, kColourMedian);
+}
+
+BasisDeviation TwoShotModel::fitDeviation(const MappedRows& rows, const BasisDeviation& start,
+                                          const JobContext& job) const {
+  BasisDeviation best = start;
+  tbb::parallel_for(0, 2, [&](int which) {
+    BasisDeviation::Part& part = which == 0 ? best.brightness : best.colour;
+    const BasisDeviation::Part& median = which == 0 ? kBrightnessMedian : kColourMedian;
+    const MatrixXd& root = which == 0 ? rows.brightness : rows.colour;
+    const VectorXd noise =
+        which == 0 ? VectorXd(rows.noise.col(0)) : VectorXd(rows.noise.rightCols(2).rowwise().mean());
+    const MatrixXd y = which == 0 ? MatrixXd(rows.value.leftCols(1)) : MatrixXd(rows.value.rightCols(2));
+    MatrixXd basisPart = product(root, false, root, true);
+    if (rows.lobe.size() > 0)
+      addLobeCovariance(rows.place,
+                        which == 0 ? MatrixXd(rows.lobe.leftCols(1)) : MatrixXd(rows.lobe.rightCols(2)),
+                        basisPart);
+    const MatrixXd broad = smoothCovariance(rows.place, rows.place, {0, 0, 1}),
+                   fine = smoothCovariance(rows.place, rows.place, {0, 1, 0});
+    const auto value = [&](const BasisDeviation::Part& tried) {
+      MatrixXd matrix = basisPart + (tried.broad * tried.broad) * broad + (tried.fine * tried.fine) * fine;
+      matrix.diagonal() += noise;
+      matrix.diagonal().array() += tried.grain * tried.grain;
+      double ln = 0;
+      if (!likelihood(std::move(matrix), y, nullptr, nullptr, &ln))
+        return -std::numeric_limits<double>::infinity();
+      return ln + lnPriorOf(tried, median);
+    };
+    double at = value(part);
+    if (const double middle = value(median); middle > at) at = middle, part = median;
+    // Coordinates in turn, in steps that halve: three sizes, each to a tenth of its logarithm's prior.
+    for (double step = 1.2; step > 0.12 && !job.cancelled(); step /= 2) {
+      bool moved = true;
+      for (int round = 0; round < 8 && moved; ++round) {
+        moved = false;
+        for (double BasisDeviation::Part::*size :
+             {&BasisDeviation::Part::grain, &BasisDeviation::Part::broad, &BasisDeviation::Part::fine}) {
+          for (const double direction : {1.0, -1.0}) {
+            BasisDeviation::Part tried = part;
+            tried.*size *= std::exp(direction * step);
+            if (tried.*size > kLargestPart || tried.*size < kSmallestPart) continue;
+            const double found = value(tried);
+            if (found > at + 0.01) {
+              at = found, part = tried, moved = true;
+              break;
+            }
+          }
+        }
+      }
+    }
+  });
+  return best;
+}
+
+}  // namespace patina

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "engine/diagnosis/two_shot_data.h"
+#include "engine/twoshot/basis.h"
+
+namespace patina {
+
+/// How far a material may be from the basis, natural-log units (standard deviations): what is left in single
+/// rows (texture, the grid's interpolation), and smooth deviations of two widths. One set for brightness, one
+/// for colour.
+struct BasisDeviation {
+  struct Part {
+    double grain = 0.01, fine = 0.02, broad = 0.05;
+  };
+  Part brightness{}, colour{};
+};
+
+/// Rows mapped to logarithms under an assumed deviation of the set-up, ready for the linear model. Three
+/// combinations of the channels are kept: their mean (times sqrt 3) and two differences, because a material's
+/// channels deviate from the basis together: counting them as three witnesses would call chance a discovery.
+struct MappedRows {
+  Eigen::MatrixXd value;       ///< n x 3, basis' mean taken off
+  Eigen::MatrixXd noise;       ///< n x 3, variance by the sensor
+  Eigen::MatrixXd lobe;        ///< n x 3, what an added lobe's relative error does to `value`; empty: no lobe
+  Eigen::MatrixXd place;       ///< n x 3, coordinates in which deviations are smooth
+  Eigen::MatrixXd brightness;  ///< n x (materials), square root of the basis' covariance of brightness
+  Eigen::MatrixXd colour;      ///< n x (2 materials), of colour
+  double lnJacobian = 0;       ///< of the mapping, so that likelihoods of different deviations compare
+  std::vector<HalfDiffAngles> angles;
+  bool anglesTakenOver = false;    ///< from `like`: nothing moved
+  Eigen::VectorXd weight, offset;  ///< n: the mapping's weight; lnReference + mean
+  Eigen::Index size() const { return value.rows(); }
+};
+
+/// A model that was conditioned on rows: their covariance factored.
+struct ConditionedRows {
+  Eigen::MatrixXd factorBrightness, factorColour;  ///< lower triangles
+  Eigen::MatrixXd solved;                          ///< n x 3, covariance^-1 value
+  double lnLikelihood = 0;
+  bool ok = false;
+};
+
+/// What the diagnosis takes for the probability of photographs: mapped values are a Gaussian process whose
+/// covariance is that of the basis' own materials, plus smooth deviations of materials from the basis (how
+/// large is found from the photographs themselves), plus noise. Effects of the set-up act on where the
+/// process is looked up and on the values. This is the paper's ridge (its eta being white deviations of 0.36)
+/// with the deviations' smoothness taken into account, without which thousands of neighbouring rows would
+/// count as independent.
+class TwoShotModel {
+ public:
+  explicit TwoShotModel(BasisPtr basis);
+
+  /// Rows that lie so far from the basis' border that small deviations don't take them across.
+  std::vector<DiagnosisRow> usable(const std::vector<DiagnosisRow>& rows) const;
+  /// `like`: rows mapped before; their products with the basis are taken over where no angle has changed.
+  MappedRows map(const std::vector<DiagnosisRow>& rows, const TwoShotDeviation& deviation,
+                 const MappedRows* like = nullptr) const;
+  ConditionedRows condition(const MappedRows& rows, const BasisDeviation& basis) const;
+  /// The material's part of `there`, given what was seen at `seen`: n x 3 like MappedRows::value.
+  Eigen::MatrixXd predict(const MappedRows& seen, const ConditionedRows& conditioned, const MappedRows& there,
+                          const BasisDeviation& basis) const;
+  /// How far from the basis the material is, by the largest posterior probability; `start` is where the
+  /// search begins. Cost: some 30 factorisations.
+  BasisDeviation fitDeviation(const MappedRows& rows, const BasisDeviation& start,
+                              const JobContext& job) const;
+  /// ln of the prior density that `fitDeviation` maximises beside the likelihood.
+  static double lnPrior(const BasisDeviation& basis);
+
+  const Basis& basis() const { return *basis_; }
+
+ private:
+  BasisPtr basis_;
+  Eigen::MatrixXd brightness_, colour_;  ///< k x materials, k x 2 materials
+};
+
+}  // namespace patina
