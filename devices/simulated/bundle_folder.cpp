@@ -46,7 +46,8 @@ bool replaceable(const fs::path& folder) {
   return truthIsOurs && onlyNames(folder, [](const std::string& name) {
            const bool photo =
                name.starts_with("photo_") || name.starts_with("shot_") || name.starts_with("white_");
-           return name == "capture.json" || name == "truth" || (photo && name.ends_with(".exr"));
+           return name == "capture.json" || name == "truth" ||
+                  (photo && (name.ends_with(".exr") || name.ends_with(".png")));
          });
 }
 

@@ -176,7 +176,7 @@ void solveJoint(JointState& state, const FlashSample& sample, const FlashCapture
 }
 
 void restartTexels(JointState& state, const FlashSample& sample, std::span<const char> photos,
-                   const JobContext& job) {
+                   const JobContext& job, bool otherStarts) {
   std::vector<TexelPrior> priors;
   for (const FlashMaterial& material : state.model.materials)
     priors.push_back({material.mean, material.covariance.llt().solve(TexelMatrix::Identity())});
@@ -184,7 +184,8 @@ void restartTexels(JointState& state, const FlashSample& sample, std::span<const
     if (job.cancelled()) return;
     const FlashSite& site = sample.sites[s];
     const TexelPrior& prior = priors[static_cast<std::size_t>(site.material)];
-    std::vector<TexelVector> starts = startsOf(site, prior);
+    std::vector<TexelVector> starts;
+    if (otherStarts) starts = startsOf(site, prior);
     starts.push_back(state.x[s]);
     double best = 0;
     bool any = false;
@@ -285,6 +286,38 @@ Eigen::VectorXd unknownSd(const JointState& state, const FlashSample& sample, co
   // Sandwich: information^-1 scatter information^-1.
   const Eigen::MatrixXd half = solver.solve(p.scatter);
   return solver.solve(half.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+}
+
+MapShift shiftOf(const JointState& state, const FlashSample& sample, const FlashCapture& capture,
+                 const std::vector<FlashEffect>& active, FlashEffect effect, const Eigen::VectorXd& amount,
+                 std::span<const char> photos) {
+  std::vector<FlashUnknown> unknowns = allUnknowns(state.model, capture, active, photos);
+  const auto n = static_cast<Eigen::Index>(unknowns.size());
+  const std::vector<FlashUnknown> own = effectUnknowns(effect, state.model, capture, photos);
+  unknowns.insert(unknowns.end(), own.begin(), own.end());
+  const JointSystem system(state, sample, unknowns, photos);
+  const Eigen::MatrixXd& h = system.shared();
+  Eigen::VectorXd change(n + amount.size());
+  change.tail(amount.size()) = amount;
+  change.head(n) = -h.topLeftCorner(n, n).ldlt().solve(h.topRightCorner(n, amount.size()) * amount);
+  std::vector<double> normal, diffuse, specular;
+  for (const TexelVector& x : system.answers(change)) {
+    normal.push_back(x.head<2>().norm() * 180 / std::numbers::pi);
+    diffuse.push_back(x.segment<3>(2).cwiseAbs().mean());
+    specular.push_back(x.segment<3>(5).cwiseAbs().mean());
+  }
+  const auto median = [](std::vector<double>& values) {
+    if (values.empty()) return 0.0;
+    const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), half, values.end());
+    return *half;
+  };
+  MapShift shift;
+  shift.normalDeg = median(normal), shift.diffuse = median(diffuse), shift.specular = median(specular);
+  for (Eigen::Index i = 0; i < n; ++i)
+    if (unknowns[static_cast<std::size_t>(i)].kind == FlashUnknown::Kind::Sigma)
+      shift.sigma = std::max(shift.sigma, std::abs(change[i]));
+  return shift;
 }
 
 double chiSquareTail(double chi2, int freedom) {

@@ -76,9 +76,9 @@ void solveJoint(JointState& state, const FlashSample& sample, const FlashCapture
 /// own parameters left.
 double discrepancyOf(const std::vector<std::array<double, 3>>& misfits, double share);
 
-/// Each texel from several starts, the best kept; the model stays.
+/// Each texel from several starts (or from where it is alone), the best kept; the model stays.
 void restartTexels(JointState& state, const FlashSample& sample, std::span<const char> photos,
-                   const JobContext& job);
+                   const JobContext& job, bool otherStarts = true);
 
 /// How plainly the photographs ask for an effect that the state doesn't have: the gradient of the cost by the
 /// effect's unknowns at strength zero, with everything that texels and the other unknowns could do projected
@@ -100,6 +100,16 @@ EffectScore scoreEffect(const JointState& state, const FlashSample& sample, cons
 Eigen::VectorXd unknownSd(const JointState& state, const FlashSample& sample, const FlashCapture& capture,
                           const std::vector<FlashEffect>& active, FlashEffect effect,
                           std::span<const char> photos);
+
+/// What maps would do if an effect that is not in the model had these strengths: medians over the sample.
+struct MapShift {
+  double normalDeg = 0;
+  double diffuse = 0, specular = 0, sigma = 0;  ///< relative
+};
+/// To first order, with the shared numbers following. amount: one for each of the effect's unknowns.
+MapShift shiftOf(const JointState& state, const FlashSample& sample, const FlashCapture& capture,
+                 const std::vector<FlashEffect>& active, FlashEffect effect, const Eigen::VectorXd& amount,
+                 std::span<const char> photos);
 
 /// The probability of a chi-square above `chi2`, and the standard deviations that are as improbable.
 double chiSquareTail(double chi2, int freedom);

@@ -283,6 +283,13 @@ void JointSystem::moveTexels(const Eigen::VectorXd& step, double damping, std::v
   }
 }
 
+std::vector<TexelVector> JointSystem::answers(const Eigen::VectorXd& change) const {
+  std::vector<TexelVector> all;
+  all.reserve(sites_.size());
+  for (const Site& site : sites_) all.push_back(-site.own.llt().solve(site.mixed * change));
+  return all;
+}
+
 double JointSystem::costOf(const JointState& other) const {
   const std::size_t chunks = (sites_.size() + kChunk - 1) / kChunk;
   std::vector<double> costs(chunks, 0.0);

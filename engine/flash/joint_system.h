@@ -23,6 +23,8 @@ class JointSystem {
   Eigen::VectorXd step(double damping) const;
   /// Adds the texels' own steps that go with it.
   void moveTexels(const Eigen::VectorXd& step, double damping, std::vector<TexelVector>& x) const;
+  /// How texels answer to a change of the shared unknowns; [site].
+  std::vector<TexelVector> answers(const Eigen::VectorXd& change) const;
   /// The cost of another state, with the weights of this one.
   double costOf(const JointState& other) const;
 

@@ -66,32 +66,30 @@ FlashNoise measureFlashNoise(std::span<const FlashPixels> photos, const std::arr
       }
     }
   }
-  // read^2 + shot v through the bins' points, each counted by its relative error.
-  double aa = 0, ab = 0, bb = 0, ar = 0, br = 0;
+  std::vector<std::array<double, 3>> points;  // value, variance without that of the codes, of the codes
   for (auto& bin : bins) {
     if (bin.size() < kFewestBlocks) continue;
     const auto nth = bin.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(bin.size()));
     std::nth_element(bin.begin(), nth, bin.end(),
                      [](const auto& a, const auto& b) { return a.second < b.second; });
-    const double value = nth->first;
-    // Quantisation is counted by itself.
-    const double quantised = noise.variance(value, 1);
-    const double measured = std::max(nth->second / kQuantileOverMean - quantised, 0.0);
-    const double scale = 1 / (measured + quantised + 1e-14);
-    aa += scale * scale, ab += scale * scale * value, bb += scale * scale * value * value;
-    ar += scale * scale * measured, br += scale * scale * value * measured;
+    points.push_back({nth->first, nth->second / kQuantileOverMean, noise.variance(nth->first, 1)});
   }
-  const double determinant = aa * bb - ab * ab;
-  double read2 = 0, shot = 0;
-  if (determinant > 1e-12 * aa * bb) {
-    read2 = (ar * bb - br * ab) / determinant, shot = (aa * br - ab * ar) / determinant;
-    if (read2 < 0) read2 = 0, shot = bb > 0 ? br / bb : 0;
-    if (shot < 0) shot = 0, read2 = aa > 0 ? ar / aa : 0;
-  } else if (aa > 0) {
-    read2 = ar / aa;
+  // read^2 + shot v through the points: least sum of absolute logarithms, over a grid, because variances are
+  // right to a factor, and one bin that texture spoils must not bend the line.
+  constexpr double kLowest = 1e-6, kHighest = 0.1;  // standard deviations; variance of shot noise likewise
+  constexpr int kSteps = 100;
+  double least = 1e300;
+  noise.read = kLowest;
+  for (int r = 0; r <= kSteps; ++r) {
+    const double read = kLowest * std::pow(kHighest / kLowest, static_cast<double>(r) / kSteps);
+    for (int s = 0; s <= kSteps; ++s) {
+      const double shot = s == 0 ? 0 : 1e-8 * std::pow(1e6, static_cast<double>(s) / kSteps);
+      double sum = 0;
+      for (const auto& [value, variance, codes] : points)
+        sum += std::abs(std::log((read * read + shot * value + codes) / (variance + 1e-14)));
+      if (sum < least) least = sum, noise.read = read, noise.shot = shot;
+    }
   }
-  // No sensor is better than a millionth of its white; zero would make weights infinite.
-  noise.read = std::sqrt(std::max(read2, 1e-12)), noise.shot = std::max(shot, 0.0);
   return noise;
 }
 
