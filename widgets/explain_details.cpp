@@ -145,8 +145,7 @@ void ExplainDetails::refreshBudget() {
     const BudgetLine& budget = explanation_->budget[i];
     QStringList shifts;
     for (const BudgetLine::Shift& shift : budget.shifts)
-      shifts << shown(shift.quantity + " " + shortNumber(shift.value) +
-                      (shift.unit.empty() ? "" : " " + shift.unit));
+      shifts << shown(shift.quantity + " " + amountText(shift.quantity, shift.value, shift.unit));
     const QString cells[] = {shown(effectTitle(budget.id)),
                              shown(parameterWords(budget.parameter) + " " +
                                    amountText(budget.parameter, budget.largestUnseen, budget.unit)),

@@ -16,10 +16,12 @@
 #include <QUndoGroup>
 #include <QUrl>
 
+#include "app/window/explain_controller.h"
 #include "app/window/two_shot_controller.h"
 #include "widgets/elided_label.h"
 #include "widgets/empty_state.h"
 #include "widgets/error_banner.h"
+#include "widgets/explain_page.h"
 #include "widgets/image_view.h"
 #include "widgets/map_panel.h"
 #include "widgets/photo_strip.h"
@@ -82,6 +84,7 @@ MainWindow::~MainWindow() {
   // Widgets still talk to each other while they are taken down; nothing of that is for this object any more.
   document_.disconnect();
   document_.undoStack()->disconnect();
+  explain_->page()->disconnect(this);
   twoShot_->disconnect();
   twoShot_->document()->disconnect();
   twoShot_->document()->undoStack()->disconnect();
@@ -126,6 +129,8 @@ void MainWindow::buildContent() {
   pages_->addWidget(workspace_);
   twoShot_ = std::make_unique<TwoShotController>(services_, settings_, this);
   pages_->addWidget(twoShot_->page());
+  explain_ = std::make_unique<ExplainController>(services_, settings_, this);
+  pages_->addWidget(explain_->page());
   history_->addStack(twoShot_->document()->undoStack());
   history_->setActiveStack(document_.undoStack());
 
@@ -214,6 +219,7 @@ void MainWindow::connectAll() {
   connect(&fitJob_, &JobRunner::progressed, this, &MainWindow::showProgress);
   connect(&fitJob_, &JobRunner::finished, this, [this] {
     progressPane_->hide();
+    explain_->page()->setRunning(false);
     refreshActions();
     refreshHealth();
   });
@@ -237,6 +243,7 @@ void MainWindow::connectAll() {
       if (!banner_->isVisible()) banner_->showNotice(sentence);
     });
   connect(cancelButton_, &QPushButton::clicked, this, &MainWindow::cancelFit);
+  connectExplain();
 }
 
 void MainWindow::followTexel(std::optional<QPoint> texel) {
@@ -249,6 +256,8 @@ void MainWindow::followTexel(std::optional<QPoint> texel) {
 
 void MainWindow::startFit() {
   if (!somethingOpen() || fitJob_.running()) return;
+  showExplain(false);
+  explain_->page()->setRunning(true);
   banner_->hide();
   shownStage_.clear();
   if (twoShotOpen()) {
@@ -331,7 +340,7 @@ void MainWindow::twoShotFitDone(Result<std::shared_ptr<const TwoShotFit>> outcom
 
 void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit) {
   if (!estimate_) return;
-  if (stage == kBasisStage) {
+  if (stage == kBasisStage && estimate_->work() == ProgressEstimate::Work::TwoShotFit) {
     // Made once, before anything is reconstructed: a bar of its own, and the reconstruction's time is counted
     // from its end.
     estimate_.emplace(settings_.stageSeconds(kTwoShotStages), ProgressEstimate::Clock::now(),
@@ -361,7 +370,14 @@ void MainWindow::showProgress(const QString& stage, qint64 done, qint64 total, c
 
 bool MainWindow::mayLoseFit(const QString& doing, const QString& goOn) {
   const bool running = fitJob_.running(), unsaved = fitted() && !fitIsSaved_;
-  if (!running && !unsaved) return true;
+  if (!running && !unsaved) {
+    if (explain_->saved()) return true;
+    const Answer answer = ask_(
+        tr("The report is not saved"),
+        tr("What was found out about this bundle is not saved. Lose it, and %1?").arg(doing), goOn, true);
+    if (answer == Answer::Save) chooseExplanationFolder();
+    return answer == Answer::GoOn;
+  }
   const Answer answer =
       running ? ask_(tr("A fit is running"),
                      tr("A fit is running. Stop it, drop what it has, and %1?").arg(doing), goOn, false)
@@ -408,8 +424,13 @@ void MainWindow::refreshTitle() {
   const auto capture = document_.capture();
   const auto twoShot = twoShot_->document()->capture();
   if (!somethingOpen()) {
-    setWindowTitle(QStringLiteral("Patina"));
-    bundleLabel_->clear();
+    const QString flash = flash_ ? QFileInfo(openPath_).fileName() : QString();
+    setWindowTitle(flash_ ? QStringLiteral("%1 \u2014 Patina").arg(flash) : QStringLiteral("Patina"));
+    bundleLabel_->setText(flash_ ? tr("<b>%1</b>&nbsp;&nbsp;%2 flash photographs")
+                                       .arg(flash.toHtmlEscaped())
+                                       .arg(flash_->photos.size())
+                                 : QString());
+    bundleLabel_->setToolTip(openPath_);
     return;
   }
   const QString folder = QString::fromStdString((capture ? capture->folder : twoShot->folder).string());
@@ -440,9 +461,10 @@ void MainWindow::refreshHealth() {
   }
   const auto fit = document_.fit();
   if (!fit) {
-    healthLabel_->setText(!document_.capture() ? tr("No bundle open")
-                          : fitJob_.running()  ? tr("Fitting")
-                                               : tr("Not fitted yet. Press F5 to fit."));
+    healthLabel_->setText(flash_                 ? tr("Flash photographs: Explain (Ctrl+E) fits them")
+                          : !document_.capture() ? tr("No bundle open")
+                          : fitJob_.running()    ? tr("Fitting")
+                                                 : tr("Not fitted yet. Press F5 to fit."));
     healthLabel_->setToolTip({});
     return;
   }

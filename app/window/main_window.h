@@ -25,6 +25,8 @@ namespace patina {
 
 class EmptyState;
 class ErrorBanner;
+class ExplainController;
+struct Explained;
 class MapPanel;
 class PhotoLibrary;
 class PhotoStrip;
@@ -61,9 +63,18 @@ class MainWindow : public QMainWindow {
   /// Writes the fit into a folder.
   void saveFitTo(const QString& folder);
 
+  /// Finds out what the model lacks, on the bundle that is open, and shows it; returns at once.
+  void startExplain();
+  /// Writes report, numbers and final fit into a folder.
+  void saveExplanationTo(const QString& folder);
+  /// The page that shows it, in place of maps or pictures.
+  void showExplain(bool shown);
+  bool explainShown() const;
+
   /// A Fourier bundle, or nothing while a two-shot bundle is open; and the other way round.
   Document* document() { return &document_; }
   TwoShotController* twoShot() { return twoShot_.get(); }
+  ExplainController* explanation() { return explain_.get(); }
   PhotoLibrary* photos() { return library_; }
   PhotoStrip* strip() { return strip_; }
   MapPanel* maps() { return maps_; }
@@ -102,12 +113,14 @@ class MainWindow : public QMainWindow {
     std::shared_ptr<const FourierFit> fourierFit;
     std::shared_ptr<const TwoShotCapture> twoShot;
     std::shared_ptr<const TwoShotFit> twoShotFit;
+    std::shared_ptr<const FlashCapture> flash;
   };
   static Result<Opened> readBundle(const Services& services, const QString& path, const JobContext& job);
   static Result<Opened> readFit(const Services& services, const QString& folder, const JobContext& job);
   void take(const Opened& opened, const QString& path);
   void opened(std::shared_ptr<const FourierCapture> capture, const QString& path);
   void openedTwoShot(std::shared_ptr<const TwoShotCapture> capture, const QString& path);
+  void openedFlash(std::shared_ptr<const FlashCapture> capture, const QString& path);
   void noteOpened(const QString& path, const std::vector<std::string>& ignoredKeys);
   void showOpenPage();
   bool somethingOpen() const;
@@ -115,6 +128,14 @@ class MainWindow : public QMainWindow {
   bool fitted() const;
   void fitDone(Result<std::shared_ptr<const FourierFit>> outcome);
   void twoShotFitDone(Result<std::shared_ptr<const TwoShotFit>> outcome);
+  void connectExplain();
+  void explainOrShow();
+  void runExplain(std::function<Result<Explained>(const JobContext&)> work, const QString& words);
+  void explainDone(Result<Explained> outcome);
+  void takeExplainedFit();
+  void chooseExplanationFolder();
+  /// Folder of the bundle that is open, of whatever kind; empty: none.
+  QString openBundle() const;
   void showPane(const QString& stage, const QString& cancelTip);
   void simulationDone();
   void showProgress(const QString& stage, qint64 done, qint64 total, const QString& unit);
@@ -134,6 +155,8 @@ class MainWindow : public QMainWindow {
   Settings settings_;
   Document document_;
   std::unique_ptr<TwoShotController> twoShot_;
+  std::unique_ptr<ExplainController> explain_;
+  std::shared_ptr<const FlashCapture> flash_;  ///< null unless such a bundle is open
   QUndoGroup* history_;
   PhotoLibrary* library_;
 
@@ -163,7 +186,8 @@ class MainWindow : public QMainWindow {
   QElapsedTimer shownProgress_;
   QString openPath_, fitSavedTo_;
   bool fitIsSaved_ = true;
-  bool simulating_ = false;  ///< what openJob_ is doing
+  bool simulating_ = false;     ///< what openJob_ is doing
+  bool explainWanted_ = false;  ///< the page Explain instead of maps or pictures
 
   JobRunner openJob_, fitJob_,
       saveJob_;  ///< last: destroyed first, so that no job outlives what it reports to

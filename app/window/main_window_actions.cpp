@@ -15,10 +15,12 @@
 #include <QToolBar>
 #include <QUndoGroup>
 
+#include "app/window/explain_controller.h"
 #include "app/window/main_window.h"
 #include "app/window/two_shot_controller.h"
 #include "widgets/comparison_panel.h"
 #include "widgets/empty_state.h"
+#include "widgets/explain_page.h"
 #include "widgets/fit_options_dialog.h"
 #include "widgets/image_view.h"
 #include "widgets/map_panel.h"
@@ -123,10 +125,12 @@ void MainWindow::buildActions() {
   for (const auto& kind : viewKinds()) {
     if (isUncertainty(kind.kind)) continue;
     const int index = static_cast<int>(kind.kind);
-    QAction* one =
-        addAction(viewMenu_, QStringLiteral("view-") + kind.id, QString::fromUtf8(kind.title),
-                  QKeySequence(QStringLiteral("Ctrl+%1").arg(index + 1)), QString::fromUtf8(kind.meaning),
-                  [this, shown = kind.kind] { maps_->setKind(shown); });
+    QAction* one = addAction(viewMenu_, QStringLiteral("view-") + kind.id, QString::fromUtf8(kind.title),
+                             QKeySequence(QStringLiteral("Ctrl+%1").arg(index + 1)),
+                             QString::fromUtf8(kind.meaning), [this, shown = kind.kind] {
+                               showExplain(false);
+                               maps_->setKind(shown);
+                             });
     one->setCheckable(true);
     one->setChecked(maps_->kind() == kind.kind);
     kinds->addAction(one);
@@ -142,17 +146,24 @@ void MainWindow::buildActions() {
   connect(maps_, &MapPanel::uncertaintyShownChanged, uncertainty, &QAction::setChecked);
   buildTwoShotViews();
   viewMenu_->addSeparator();
-  addAction(viewMenu_, "zoom-in", tr("Zoom &In"), QKeySequence::ZoomIn, tr("Enlarge the picture"), [this] {
+  const auto zoomExplained = [this](double factor) {
+    ComparisonView* view = explain_->page()->pictures()->comparison();
+    factor > 0 ? view->zoomBy(factor, QPointF(view->rect().center())) : view->zoomToFit();
+  };
+  addAction(viewMenu_, "zoom-in", tr("Zoom &In"), QKeySequence::ZoomIn, tr("Enlarge the picture"), [=, this] {
+    if (explainShown()) return zoomExplained(1.25);
     twoShotOpen() ? twoShot_->page()->comparison()->zoomIn()
                   : maps_->view()->zoomBy(1.25, QPointF(maps_->view()->rect().center()));
   });
   addAction(viewMenu_, "zoom-out", tr("Zoom &Out"), QKeySequence::ZoomOut, tr("Show more of the picture"),
-            [this] {
+            [=, this] {
+              if (explainShown()) return zoomExplained(0.8);
               twoShotOpen() ? twoShot_->page()->comparison()->zoomOut()
                             : maps_->view()->zoomBy(0.8, QPointF(maps_->view()->rect().center()));
             });
   addAction(viewMenu_, "zoom-fit", tr("&Whole Picture"), QKeySequence(Qt::CTRL | Qt::Key_0),
-            tr("Show the whole picture"), [this] {
+            tr("Show the whole picture"), [=, this] {
+              if (explainShown()) return zoomExplained(0);
               twoShotOpen() ? twoShot_->page()->comparison()->zoomToFit() : maps_->view()->zoomToFit();
             });
   addAction(viewMenu_, "auto-range", tr("Automatic &Range"), QKeySequence(Qt::CTRL | Qt::Key_R),
@@ -192,6 +203,16 @@ void MainWindow::buildActions() {
       tr("Stop the fit; what is finished is kept and marked"), [this] { cancelFit(); }, "cancel");
   fit->addSeparator();
   addAction(
+      fit, "explain", tr("&Explain"), QKeySequence(Qt::CTRL | Qt::Key_E),
+      tr("What the model lacks: fit, find it, add it, fit again; or show what was found"),
+      [this] { explainOrShow(); }, "explain");
+  addAction(fit, "explain-back", tr("&Back to the Maps"), QKeySequence(Qt::ALT | Qt::Key_Left),
+            tr("From what was explained back to maps and photographs"), [this] { showExplain(false); });
+  addAction(fit, "explain-save", tr("Save &Report As\u2026"), QKeySequence(Qt::CTRL | Qt::SHIFT | Qt::Key_E),
+            tr("Write report.html, explain.json and the final fit into a folder"),
+            [this] { chooseExplanationFolder(); });
+  fit->addSeparator();
+  addAction(
       fit, "options", tr("&Options\u2026"), QKeySequence(Qt::CTRL | Qt::Key_Comma), tr("Options of the fit"),
       [this] { editOptions(); }, "options");
 
@@ -211,12 +232,12 @@ void MainWindow::buildActions() {
   toolBar_->setMovable(false);
   toolBar_->setContextMenuPolicy(Qt::PreventContextMenu);
   toolBar_->setIconSize(QSize(fontMetrics().height() + 3, fontMetrics().height() + 3));
-  for (const char* name : {"open", "fit", "cancel", "options", "save", "undo", "redo"}) {
+  for (const char* name : {"open", "fit", "explain", "cancel", "options", "save", "undo", "redo"}) {
     toolBar_->addAction(action(name));
     auto* button = qobject_cast<QToolButton*>(toolBar_->widgetForAction(action(name)));
     button->setFocusPolicy(Qt::StrongFocus);
     const QString shown(name);
-    if (shown == "open" || shown == "fit" || shown == "save")
+    if (shown == "open" || shown == "fit" || shown == "explain" || shown == "save")
       button->setToolButtonStyle(Qt::ToolButtonTextBesideIcon);
     if (shown == "open" || shown == "options" || shown == "save") toolBar_->addSeparator();
   }
@@ -244,13 +265,13 @@ void MainWindow::buildTwoShotViews() {
     views->addAction(one);
   };
   view("view-wipe", tr("&Wipe"), 1, tr("The photograph left of a divider, the reconstruction right of it"),
-       [comparison] { comparison->setMode(ComparisonMode::Wipe); });
+       [this, comparison] { showExplain(false), comparison->setMode(ComparisonMode::Wipe); });
   view("view-side", tr("&Side by Side"), 2, tr("Photograph and reconstruction, both whole"),
-       [comparison] { comparison->setMode(ComparisonMode::SideBySide); });
+       [this, comparison] { showExplain(false), comparison->setMode(ComparisonMode::SideBySide); });
   view("view-difference", tr("&Difference"), 3, tr("Where the reconstruction is too bright or too dark"),
-       [comparison] { comparison->setMode(ComparisonMode::Difference); });
+       [this, comparison] { showExplain(false), comparison->setMode(ComparisonMode::Difference); });
   view("view-materials", tr("&Materials"), 4, tr("Which material each pixel of the first shot is of"),
-       [comparison] { comparison->setLabelsShown(true); });
+       [this, comparison] { showExplain(false), comparison->setLabelsShown(true); });
   const auto check = [this, comparison] {
     const char* names[] = {"view-wipe", "view-side", "view-difference"};
     action(comparison->labelsShown() ? "view-materials" : names[static_cast<int>(comparison->mode())])
@@ -283,9 +304,18 @@ void MainWindow::refreshActions() {
          tr("Show or hide this part of the window"));
   action("show-report")->setVisible(twoShot);
   allow("fit", open && !running && !openJob_.running(),
-        running ? tr("Not now: a fit is running.")
-        : open  ? tr("Not now: a bundle is being opened.")
-                : noBundle);
+        running  ? tr("Not now: a fit is running.")
+        : open   ? tr("Not now: a bundle is being opened.")
+        : flash_ ? tr("Not now: flash photographs are fitted while they are explained (Ctrl+E).")
+                 : noBundle);
+  const bool any = open || flash_;
+  allow("explain", any && services_.explain && !openJob_.running(),
+        any && !services_.explain ? tr("Not in this version.")
+        : any                     ? tr("Not now: a bundle is being opened.")
+                                  : noBundle);
+  allow("explain-back", open && explainShown(), tr("Not now: the maps are on show."));
+  allow("explain-save", explain_->explanation() && !saveJob_.running(),
+        tr("Not now: nothing has been explained yet."));
   const bool stoppable = simulating_ ? !openJob_.cancelling() : running && !fitJob_.cancelling();
   allow("cancel", stoppable,
         running || simulating_ ? tr("Already stopping.") : tr("Not now: no fit is running."));
@@ -296,7 +326,7 @@ void MainWindow::refreshActions() {
   allow("options", !running, tr("Not now: a fit is running with the present options."));
   allow("save", fitted() && !saveJob_.running(),
         fitted() ? tr("Not now: the fit is being saved.") : tr("Not now: there is no fit to save."));
-  for (const char* name : {"zoom-in", "zoom-out", "zoom-fit"}) allow(name, open, noBundle);
+  for (const char* name : {"zoom-in", "zoom-out", "zoom-fit"}) allow(name, any, noBundle);
   for (const char* name : {"auto-range", "reset-tone"}) {
     action(name)->setVisible(!twoShot);
     allow(name, open && !twoShot, noBundle);
@@ -447,6 +477,9 @@ void MainWindow::showShortcuts() {
   line(tr("Double click"), tr("Divider to the middle"));
   line(tr("Wheel, drag, + \u2212 0"), tr("Zoom at the cursor; move; whole picture"));
   line(tr("Up, Down in the list of shots"), tr("Step through the shots"));
+  line(tr("Explain: before against after"), {}, true);
+  line(tr("Up, Down in the list of photographs"), tr("Step through them, worst first"));
+  line(tr("Drag the divider, Left, Right, Home, End"), tr("Wipe; Shift: in larger steps"));
   line(tr("Drawing of a plan"), {}, true);
   line(tr("Drag, arrow keys"), tr("Turn"));
   line(tr("Wheel, + \u2212"), tr("Distance"));
@@ -495,6 +528,7 @@ void MainWindow::restoreState() {
   inspector_->setPhaseAboutLobe(settings_.flag("inspector/phase_about_lobe", true));
   document_.undoStack()->clear();
   twoShot_->restoreState();
+  explain_->restoreState();
 }
 
 void MainWindow::keepState() {
@@ -512,6 +546,7 @@ void MainWindow::keepState() {
   settings_.set("inspector/follow", inspector_->followsCursor());
   settings_.set("inspector/phase_about_lobe", inspector_->phaseAboutLobe());
   twoShot_->keepState();
+  explain_->keepState();
   settings_.sync();
 }
 

@@ -2,15 +2,18 @@
 #include <QDir>
 #include <QFileInfo>
 #include <QProgressBar>
+#include <QPushButton>
 #include <QStackedWidget>
 #include <QStandardPaths>
 #include <QStatusBar>
 #include <QUndoGroup>
 
+#include "app/window/explain_controller.h"
 #include "app/window/main_window.h"
 #include "app/window/two_shot_controller.h"
 #include "widgets/empty_state.h"
 #include "widgets/error_banner.h"
+#include "widgets/explain_page.h"
 #include "widgets/map_panel.h"
 #include "widgets/photo_strip.h"
 #include "widgets/shot_strip.h"
@@ -74,6 +77,12 @@ Result<MainWindow::Opened> MainWindow::readBundle(const Services& services, cons
     opened.twoShot = std::make_shared<const TwoShotCapture>(std::move(*capture));
     return opened;
   }
+  if (kind && *kind == "flash") {
+    auto capture = services.readFlash(pathOf(folderOf(path)), job);
+    if (!capture) return capture.error();
+    opened.flash = std::make_shared<const FlashCapture>(std::move(*capture));
+    return opened;
+  }
   // Any other kind, and what is no bundle at all: this reader says what is wrong with it.
   auto capture = services.readCapture(pathOf(path), job);
   if (!capture) return capture.error();
@@ -99,7 +108,9 @@ Result<MainWindow::Opened> MainWindow::readFit(const Services& services, const Q
 }
 
 void MainWindow::take(const Opened& found, const QString& path) {
-  if (found.twoShot) {
+  if (found.flash) {
+    openedFlash(found.flash, path);
+  } else if (found.twoShot) {
     openedTwoShot(found.twoShot, path);
     if (found.twoShotFit) twoShot_->open(found.twoShotFit);
   } else {
@@ -131,11 +142,28 @@ bool MainWindow::fitted() const {
   return document_.fit() || twoShot_->fitted();
 }
 
+QString MainWindow::openBundle() const {
+  if (flash_) return QString::fromStdString(flash_->folder.string());
+  if (const auto capture = document_.capture()) return QString::fromStdString(capture->folder.string());
+  if (const auto capture = twoShot_->document()->capture())
+    return QString::fromStdString(capture->folder.string());
+  return {};
+}
+
 void MainWindow::showOpenPage() {
   const bool twoShot = twoShotOpen();
-  pages_->setCurrentWidget(twoShot               ? static_cast<QWidget*>(twoShot_->page())
-                           : document_.capture() ? workspace_
-                                                 : static_cast<QWidget*>(empty_));
+  const QString bundle = openBundle();
+  if (bundle != explain_->bundle()) explainWanted_ = false;  // another bundle is looked at first
+  const std::size_t photographs = flash_                ? flash_->photos.size()
+                                  : document_.capture() ? document_.capture()->photos.size()
+                                  : twoShot_->isOpen()  ? twoShot_->document()->capture()->shots.size()
+                                                        : 0;
+  explain_->setBundle(bundle, tr("%1 photographs").arg(photographs));
+  explain_->page()->setMayGoBack(somethingOpen());
+  pages_->setCurrentWidget(explainWanted_ || flash_ ? static_cast<QWidget*>(explain_->page())
+                           : twoShot                ? static_cast<QWidget*>(twoShot_->page())
+                           : document_.capture()    ? workspace_
+                                                    : static_cast<QWidget*>(empty_));
   history_->setActiveStack(twoShot ? twoShot_->document()->undoStack() : document_.undoStack());
   refreshActions();
   refreshTitle();
@@ -200,6 +228,7 @@ void MainWindow::noteOpened(const QString& path, const std::vector<std::string>&
 
 void MainWindow::opened(std::shared_ptr<const FourierCapture> capture, const QString& path) {
   noteOpened(path, capture->ignoredKeys);
+  flash_.reset();
   if (twoShotOpen()) twoShot_->document()->close();
   document_.openCapture(capture);
   // The first pattern shows more than a black frame does.
@@ -216,10 +245,21 @@ void MainWindow::opened(std::shared_ptr<const FourierCapture> capture, const QSt
 
 void MainWindow::openedTwoShot(std::shared_ptr<const TwoShotCapture> capture, const QString& path) {
   noteOpened(path, capture->ignoredKeys);
+  flash_.reset();
   if (document_.capture()) document_.close();
   twoShot_->document()->openCapture(std::move(capture));
   twoShot_->page()->strip()->setCurrent(0);
   twoShot_->page()->strip()->setFocus();
+  refreshHealth();
+}
+
+void MainWindow::openedFlash(std::shared_ptr<const FlashCapture> capture, const QString& path) {
+  noteOpened(path, capture->ignoredKeys);
+  if (document_.capture()) document_.close();
+  if (twoShotOpen()) twoShot_->document()->close();
+  flash_ = std::move(capture);
+  showOpenPage();
+  explain_->page()->startButton()->setFocus();
   refreshHealth();
 }
 

@@ -37,6 +37,16 @@ constexpr std::array<Stage, 4> kTwoShotStages{{
     {"predict", "Predicting the photographs", 0.2, "predict"},
 }};
 
+// An explanation reports its own stages; those of the fits within it move the bar a little.
+constexpr std::array<Stage, 6> kExplainStages{{
+    {"fit", "Fitting the standard model", 0.3, "fit"},
+    {"residual", "Looking at what is left", 0.1, "residual"},
+    {"score", "Trying every effect on it", 0.2, "score"},
+    {"refit", "Fitting again with the likely ones", 0.25, "refit"},
+    {"maps", "Making the final maps", 0.1, "maps"},
+    {"report", "Writing down what was found", 0.05, "report"},
+}};
+
 /// Stages that have a time of their own: nothing is learned from them.
 constexpr std::array<Stage, 6> kOtherStages{{
     {"built-in basis", "Making the built-in basis (once)", 0, ""},
@@ -48,8 +58,15 @@ constexpr std::array<Stage, 6> kOtherStages{{
 }};
 
 std::span<const Stage> stagesOf(ProgressEstimate::Work work) {
-  return work == ProgressEstimate::Work::TwoShotFit ? std::span<const Stage>(kTwoShotStages)
-                                                    : std::span<const Stage>(kFourierStages);
+  switch (work) {
+    case ProgressEstimate::Work::TwoShotFit:
+      return kTwoShotStages;
+    case ProgressEstimate::Work::Explain:
+      return kExplainStages;
+    case ProgressEstimate::Work::FourierFit:
+      break;
+  }
+  return kFourierStages;
 }
 
 /// What a stage that nobody told us of takes of the time that is left, for want of anything better.
@@ -117,7 +134,10 @@ void ProgressEstimate::update(const std::string& stage, std::int64_t done, std::
 }
 
 std::string ProgressEstimate::title(const std::string& stage, Work work) {
-  for (const std::span<const Stage> stages : {stagesOf(work), std::span<const Stage>(kOtherStages)})
+  // Within an explanation there is a fit, whose stages have their names too.
+  for (const std::span<const Stage> stages :
+       {stagesOf(work), std::span<const Stage>(kOtherStages), std::span<const Stage>(kFourierStages),
+        std::span<const Stage>(kTwoShotStages)})
     for (const Stage& known : stages)
       if (stage == known.id) return known.title;
   return stage;

@@ -14,7 +14,7 @@ class ProgressEstimate {
   using Clock = std::chrono::steady_clock;
 
   /// Which stages there are.
-  enum class Work { FourierFit, TwoShotFit };
+  enum class Work { FourierFit, TwoShotFit, Explain };
 
   /// `secondsByStage`: the seconds of an earlier run's stats; what is missing there has the share of a
   /// typical one.

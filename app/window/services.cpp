@@ -38,6 +38,7 @@ Services Services::engine() {
   for (const std::string& scene : simulatedSceneNames())
     services.scenes.emplace_back(scene, simulatedSceneSummary(scene));
   services.addTwoShot();
+  services.addExplain();
   return services;
 }
 

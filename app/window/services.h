@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "engine/capture/capture.h"
+#include "engine/capture/flash_capture.h"
 #include "engine/capture/two_shot_capture.h"
+#include "engine/diagnosis/explanation.h"
 #include "engine/fourier/fit.h"
 #include "engine/twoshot/fit.h"
 #include "engine/twoshot/plan.h"
@@ -59,11 +61,26 @@ struct Services {
       simulateTwoShot;
   std::vector<std::pair<std::string, std::string>> twoShotScenes;
 
+  /// Flash photographs have no page of their own: they are fitted while they are explained.
+  std::function<Result<FlashCapture>(const std::filesystem::path& folder, const JobContext&)> readFlash;
+
+  // Closing the loop; any kind of bundle, the first is the one that is explained.
+  std::function<Result<ExplanationPtr>(const std::vector<std::filesystem::path>& bundles,
+                                       const ExplainOptions&, const JobContext&)>
+      explain;
+  /// The same with effects of the person's choice instead of a search; empty where the engine can't.
+  std::function<Result<ExplanationPtr>(const std::vector<std::filesystem::path>& bundles,
+                                       const std::vector<std::string>& ids, const ExplainOptions&,
+                                       const JobContext&)>
+      explainWith;
+  std::function<Status(const std::filesystem::path& folder, const Explanation&)> writeExplanation;
+
   /// The real ones.
   static Services engine();
 
  private:
   void addTwoShot();
+  void addExplain();
 };
 
 }  // namespace patina

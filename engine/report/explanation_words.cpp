@@ -83,6 +83,7 @@ std::string shortNumber(double value) {
 std::string wholePercent(double share) {
   if (!(share >= 0) || !std::isfinite(share)) return "not known";
   if (share > 0.99 && share < 1) return "over 99 %";
+  if (share >= 999) return shortNumber(100 * share) + " %";
   char text[48];
   std::snprintf(text, sizeof text, share < 0.1 ? "%.1f %%" : "%.0f %%", 100 * share);
   return text;
@@ -92,6 +93,7 @@ std::string percent(double share) {
   if (!(share >= 0) || !std::isfinite(share)) return "not known";
   char text[48];
   const double value = 100 * share;
+  if (value >= 99999.5) return shortNumber(value) + " %";
   std::snprintf(text, sizeof text, "%.*f %%", value < 0.1 ? 4 : value < 1 ? 3 : value < 100 ? 2 : 0, value);
   return text;
 }
@@ -131,7 +133,8 @@ bool isShare(const std::string& name) {
 }  // namespace
 
 std::string amountText(const std::string& parameter, double value, const std::string& unit) {
-  if (unit.empty() && isShare(parameter) && std::isfinite(value)) return shortNumber(100 * value) + " %";
+  if (std::isfinite(value) && (unit == "relative" || (unit.empty() && isShare(parameter))))
+    return shortNumber(100 * value) + " %";
   return shortNumber(value) + (unit.empty() ? "" : " " + unit);
 }
 
@@ -175,8 +178,9 @@ ExplanationVerdict verdictOf(const Explanation& explanation) {
   ExplanationVerdict verdict;
   using Mood = ExplanationVerdict::Mood;
   const auto& effects = explanation.effects;
-  const bool left =
-      explanation.chi2After > kChi2Margin && explanation.unexplained.fraction > kUnexplainedMargin;
+  // Where the mean square isn't known, the share alone decides.
+  const bool left = (explanation.chi2After > kChi2Margin || !(explanation.chi2After > 0)) &&
+                    explanation.unexplained.fraction > kUnexplainedMargin;
   if (!effects.empty()) {
     verdict.mood = Mood::Found;
     const auto group = confusableWith(explanation, effects.front().id);

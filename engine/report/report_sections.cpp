@@ -310,8 +310,8 @@ std::string budget(const Explanation& explanation) {
             escaped(parameterWords(line.parameter)) + "</span></td><td>";
     for (std::size_t i = 0; i < line.shifts.size(); ++i) {
       const BudgetLine::Shift& shift = line.shifts[i];
-      html += (i > 0 ? "<br/>" : "") + escaped(shift.quantity + ": " + shortNumber(shift.value) +
-                                               (shift.unit.empty() ? "" : " " + shift.unit));
+      html += (i > 0 ? "<br/>" : "") +
+              escaped(shift.quantity + ": " + amountText(shift.quantity, shift.value, shift.unit));
     }
     html += "</td><td>" + escaped(line.sentence) + "</td></tr>";
   }
