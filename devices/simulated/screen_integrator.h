@@ -5,6 +5,8 @@
 #include <stop_token>
 #include <vector>
 
+#include "devices/simulated/light_kernel.h"
+#include "devices/simulated/simulated_effects.h"
 #include "devices/simulated/simulated_sheet.h"
 #include "engine/base/result.h"
 #include "engine/screen/screen.h"
@@ -24,6 +26,7 @@ struct IntegrationQuality {
 struct PointResponse {
   Eigen::ArrayXf diffuse;  ///< one per pattern, last the window alone
   Eigen::ArrayXf specular;
+  Eigen::ArrayXf white;  ///< what no albedo scales: coat, sheen, retroreflection; empty: none
 };
 
 /// Integrates a true BRDF over a screen that shows clipped-sine patterns under a Gaussian window.
@@ -38,9 +41,11 @@ struct PointResponse {
 /// gained by a mean, which would only damp it).
 class ScreenIntegrator {
  public:
-  /// `frequencies` in pattern units; four photographs each, in phase order.
+  /// `frequencies` in pattern units; four photographs each, in phase order. Of the effects, those of
+  /// emission, the panel's response, the surface and its horizon act here; `screen` is where the screen truly
+  /// is.
   ScreenIntegrator(const Screen& screen, std::vector<Eigen::Vector2i> frequencies,
-                   const IntegrationQuality& quality);
+                   const IntegrationQuality& quality, const SimulatedEffects& effects = {});
 
   /// Columns of a response: 4 for each frequency, then the window.
   int patternCount() const { return static_cast<int>(4 * frequencies_.size()) + 1; }
@@ -67,6 +72,7 @@ class ScreenIntegrator {
   /// their nodes, so that the sums are read once for all of them. Thread-safe once prepared.
   struct GroupResponse {
     Eigen::MatrixXf diffuse, specular;  ///< patternCount() (and a few rows of padding) x points
+    Eigen::MatrixXf white;              ///< the same, or empty
   };
   void respond(const std::vector<Query>& group, GroupResponse& out) const;
 
@@ -85,31 +91,23 @@ class ScreenIntegrator {
     std::size_t nodesX() const { return static_cast<std::size_t>(2 * reachX + 1); }
     std::size_t nodesY() const { return static_cast<std::size_t>(2 * reachY + 1); }
   };
-  /// A point seen from the screen: everything in pattern units, screen frame (x right, y up, z the emitting
-  /// side).
-  struct Frame {
-    Eigen::Vector3d point, view, normal, tangent, bitangent;
-    double distance = 0;
-  };
-
-  Frame frameOf(const Eigen::Vector3d& pointMm, const Eigen::Vector3d& toView,
-                const SheetPoint& material) const;
-  Patch diffusePatch(const Frame& frame) const;
-  Patch lobePatch(const Frame& frame, double slopeSigma) const;
+  Patch patchOf(const PointFrame& frame, const SurfacePart& part) const;
+  Patch lobePatch(const PointFrame& frame, double widest, double narrowest) const;
+  /// Nodes over the distance between point and screen for a term that is smooth over so many radians.
+  double nodesPerDistance(double smoothRad) const;
   Patch wholeScreen(double scale, double nodesPerScale) const;
   /// Largest rate of change of the half-vector's slope with the screen point.
-  double slopePerUnit(const Frame& frame, const Eigen::Vector2d& x) const;
-  class KernelRow;
-  /// Adds one part (slopeSigma[i] 0: the Lambertian term; else a Gaussian of the lobe) of all points to their
-  /// columns.
-  void accumulate(const std::vector<Frame>& frames, const std::vector<Patch>& patches,
-                  const std::vector<double>& slopeSigma, Eigen::MatrixXf& response) const;
+  double slopePerUnit(const PointFrame& frame, const Eigen::Vector2d& x) const;
+  /// Adds one term of all points, a term each, to their columns.
+  void accumulate(const std::vector<PointFrame>& frames, const std::vector<SurfacePart>& parts,
+                  Eigen::MatrixXf& response) const;
   void fillFinest(Level& level, std::size_t firstFrequency, std::size_t endFrequency,
                   const std::stop_token& stop) const;
 
   Screen screen_;
   std::vector<Eigen::Vector2i> frequencies_;
   IntegrationQuality quality_;
+  SimulatedEffects effects_;
   std::size_t stride_;     ///< floats from node to node, patternCount rounded up
   int finestAllowed_ = 0;  ///< by memory
   std::vector<Level> levels_;

@@ -11,6 +11,8 @@
 #include <optional>
 
 #include "devices/simulated/bundle_folder.h"
+#include "devices/simulated/photo_effects.h"
+#include "devices/simulated/sheet_form.h"
 #include "devices/simulated/simulated_rig.h"
 #include "devices/simulated/simulated_sensor.h"
 #include "engine/capture/capture_json.h"
@@ -30,7 +32,16 @@ Status writeTruth(const fs::path& folder, const SimulatedRig& rig, const Simulat
   const double scale = longest / std::max(sheet.widthMm, sheet.heightMm);
   const int width = std::max(1, static_cast<int>(std::lround(sheet.widthMm * scale)));
   const int height = std::max(1, static_cast<int>(std::lround(sheet.heightMm * scale)));
-  const SheetTruth truth = sheetTruth(sheet, width, height, 0);
+  SheetTruth truth = sheetTruth(sheet, width, height, 0);
+  const SheetForm form(options.effects, sheet);
+  for (int j = 0; j < height && !form.flat(); ++j)
+    for (int i = 0; i < width; ++i) {
+      const std::span<float> normal = truth.normal.pixel(i, j);
+      const Eigen::Vector3d turned =
+          form.turned(Eigen::Vector3d(normal[0], normal[1], normal[2]),
+                      ((i + 0.5) / width - 0.5) * sheet.widthMm, (0.5 - (j + 0.5) / height) * sheet.heightMm);
+      for (int c = 0; c < 3; ++c) normal[static_cast<std::size_t>(c)] = static_cast<float>(turned[c]);
+    }
   const std::vector<std::string> rgb{"R", "G", "B"}, one{"Y"};
   for (const auto& [name, image, channels] : {std::tuple{"diffuse.exr", &truth.diffuse, &rgb},
                                               {"specular.exr", &truth.specular, &rgb},
@@ -39,7 +50,7 @@ Status writeTruth(const fs::path& folder, const SimulatedRig& rig, const Simulat
                                               {"kurtosis.exr", &truth.kurtosis, &one}})
     if (Status written = writeExr(folder / name, *image, *channels); !written) return written;
   nlohmann::json json = {
-      {"effects", nlohmann::json::object()},
+      {"effects", simulatedEffectsJson(options.effects)},
       {"noise", {{"shot", rig.noise.shot}, {"read", rig.noise.read}}},
       {"camera_full_scale", fullScale},
       {"roughness", "standard deviation of the half-vector's slope (the seed's sigma)"},
@@ -52,6 +63,19 @@ Status writeTruth(const fs::path& folder, const SimulatedRig& rig, const Simulat
     return Error{ErrorCode::WriteFailed, "the truth could not be written", (folder / "truth.json").string(),
                  "check the free space and the permissions"};
   return Done{};
+}
+
+/// R G B diffuse albedo at each pixel's centre, where an effect needs it.
+Image albedoInPicture(const SimulatedRig& rig, const SimulatedSheet& sheet, const SimulatedEffects& effects) {
+  if (!(effects.ambientDrift.onSheet > 0) || !effects.has("ambient-drift")) return {};
+  Image albedo(rig.camera.width, rig.camera.height, 3);
+  const SheetSampler sampler(sheet);
+  for (int y = 0; y < albedo.height(); ++y)
+    for (int x = 0; x < albedo.width(); ++x)
+      if (const auto point = rig.camera.samplePlaneFromPixel(Eigen::Vector2d(x, y)))
+        for (int c = 0; c < 3; ++c)
+          albedo.at(x, y, c) = static_cast<float>(sampler.at(point->x(), point->y()).diffuse[c]);
+  return albedo;
 }
 
 }  // namespace
@@ -85,13 +109,16 @@ Result<SimulatedCaptureReport> simulateCapture(const fs::path& folder, const Sim
   capture.madeBy = kMadeBySimulatedRig;
   capture.camera = rig.camera;
   capture.screen = rig.screen;
+  const PhotoEffects effects(options.effects, exposure.photos(), 1, rig.blackLevel, fullScale,
+                             albedoInPicture(rig, sheet, options.effects), job.seed);
   const auto add = [&](PhotoRole role, Eigen::Vector2i frequency, int phase, bool holdout) {
     char name[32];
     std::snprintf(name, sizeof name, "photo_%03zu.exr", capture.photos.size());
     FourierPhoto photo;
     photo.file = name;
     photo.role = role;
-    photo.exposureS = rig.exposureS;
+    photo.exposureS =
+        rig.exposureS * (effects.otherExposure(static_cast<int>(capture.photos.size())) ? 0.5 : 1);
     photo.frequency = frequency;
     photo.phase = phase;
     photo.holdout = holdout;
@@ -117,9 +144,11 @@ Result<SimulatedCaptureReport> simulateCapture(const fs::path& folder, const Sim
         if (failure) return;
       }
       Image photo = exposure.photo(index);
-      for (float& sample : photo.samples()) sample += static_cast<float>(rig.blackLevel);
+      effects.beforeSensor(photo, index);
       if (options.withNoise)
-        clipped += senseInPlace(photo, rig.noise, fullScale, job.seed, static_cast<std::uint64_t>(index));
+        clipped += senseInPlace(photo, rig.noise, fullScale, job.seed, static_cast<std::uint64_t>(index),
+                                effects.clipsAt());
+      effects.afterSensor(photo);
       const Status written = writeExr(partial / capture.photos[static_cast<std::size_t>(index)].file, photo,
                                       {"R", "G", "B"}, {{"units", "radiance, screen's full white"}}, true);
       if (!written) {

@@ -15,7 +15,11 @@
 #include <cstdlib>
 #include <mutex>
 #include <numbers>
+#include <optional>
 #include <utility>
+
+#include "devices/simulated/sheet_form.h"
+#include "devices/simulated/subsurface.h"
 
 namespace patina {
 namespace {
@@ -36,13 +40,14 @@ double secondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// What a pixel sees: points of the sample plane, spread evenly over it.
-std::vector<Eigen::Vector3d> pixelSamples(const Camera& camera, int x, int y, int side) {
+/// What a pixel sees: points of the sheet, spread evenly over it.
+std::vector<Eigen::Vector3d> pixelSamples(const Camera& camera, const SheetForm& form, int x, int y,
+                                          int side) {
   std::vector<Eigen::Vector3d> points;
   for (int j = 0; j < side; ++j)
     for (int i = 0; i < side; ++i) {
       const Eigen::Vector2d at(x + (i + 0.5) / side - 0.5, y + (j + 0.5) / side - 0.5);
-      if (const auto point = camera.samplePlaneFromPixel(at)) points.push_back(*point);
+      if (const auto point = form.seenAt(camera, at)) points.push_back(*point);
     }
   return points;
 }
@@ -58,8 +63,18 @@ Error cancelledError() {
 }  // namespace
 
 SimulatedRig SimulatedRig::desk(int pixels, double sheetWidthMm, double sheetHeightMm) {
-  SimulatedRig rig;
   const double span = std::max(sheetWidthMm, sheetHeightMm);
+  // 250 mm from the sheet's centre, 47 degrees up, turned by a little: nobody sets up a desk exactly square.
+  const double screenUp = 47.0 * kPi / 180;
+  return placed(pixels, sheetWidthMm, sheetHeightMm,
+                Eigen::Vector3d(14.0, -300.0, 318.0) * std::max(1.0, span / 150.0),
+                Eigen::Vector3d(6.0, 250.0 * std::cos(screenUp), 250.0 * std::sin(screenUp)), 0.7);
+}
+
+SimulatedRig SimulatedRig::placed(int pixels, double sheetWidthMm, double sheetHeightMm,
+                                  const Eigen::Vector3d& cameraMm, const Eigen::Vector3d& screenMm,
+                                  double screenTurnDeg) {
+  SimulatedRig rig;
   Screen& screen = rig.screen;
   screen.widthMm = 345.0;
   screen.heightMm = 194.0625;
@@ -67,20 +82,17 @@ SimulatedRig SimulatedRig::desk(int pixels, double sheetWidthMm, double sheetHei
   screen.heightPx = 1080;
   screen.windowSigma = {1.0, 1.0 / screen.aspect()};
   screen.emission = ScreenEmission{{0.0, 0.0}, {1.6, 1.3}, 1.0};
-  // 250 mm from the sheet's centre, 47 degrees up, turned by a little: nobody sets up a desk exactly square.
-  const double screenUp = 47.0 * kPi / 180;
-  screen.originMm = Eigen::Vector3d(6.0, 250.0 * std::cos(screenUp), 250.0 * std::sin(screenUp));
+  screen.originMm = screenMm;
   const Eigen::Vector3d normal = (Eigen::Vector3d(4.0, 0.0, 0.0) - screen.originMm).normalized();
   const Eigen::Vector3d up = (Eigen::Vector3d::UnitZ() - normal * normal.z()).normalized();
   screen.worldFromScreen << up.cross(normal), up, normal;
   screen.worldFromScreen =
-      screen.worldFromScreen * Eigen::AngleAxisd(0.7 * kPi / 180, Eigen::Vector3d::UnitZ());
+      screen.worldFromScreen * Eigen::AngleAxisd(screenTurnDeg * kPi / 180, Eigen::Vector3d::UnitZ());
 
   Camera& camera = rig.camera;
   camera.width = camera.height = pixels;
-  const Eigen::Vector3d position = Eigen::Vector3d(14.0, -300.0, 318.0) * std::max(1.0, span / 150.0);
-  camera.cameraFromWorld = lookAt(position, Eigen::Vector3d::Zero());
-  camera.translationMm = -camera.cameraFromWorld * position;
+  camera.cameraFromWorld = lookAt(cameraMm, Eigen::Vector3d::Zero());
+  camera.translationMm = -camera.cameraFromWorld * cameraMm;
   camera.distortion << -0.06, 0.02, 0.0004, -0.0003, 0.0;
   camera.intrinsics << pixels, 0, 0.5 * (pixels - 1), 0, pixels, 0.5 * (pixels - 1), 0, 0, 1;
   double farthest = 0;  // of the sheet's corners from the picture's centre, at this focal length
@@ -195,6 +207,8 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
                                       SimulatedCaptureReport* report) {
   std::vector<std::string> problems = rig.validate();
   for (std::string& problem : sheet.validate()) problems.push_back(std::move(problem));
+  for (std::string& problem : options.effects.validate(static_cast<int>(sheet.materials.size())))
+    problems.push_back(std::move(problem));
   if (options.samplesPerPixelSide < 1 || options.samplesPerPixelSide > 16)
     problems.emplace_back("samplesPerPixelSide must lie in 1 to 16");
   if (options.quality.cellsAcross < 200)
@@ -213,7 +227,14 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
   const int width = rig.camera.width, height = rig.camera.height, side = options.samplesPerPixelSide;
   const SheetSampler sampler(sheet);
   const Eigen::Vector3d eye = rig.camera.positionMm();
-  ScreenIntegrator integrator(rig.screen, frequencies, options.quality);
+  const SheetForm form(options.effects, sheet);
+  const auto materialAt = [&](const Eigen::Vector3d& point) {
+    SheetPoint material = sampler.at(point.x(), point.y());
+    material.normal = form.turned(material.normal, point.x(), point.y());
+    return material;
+  };
+  ScreenIntegrator integrator(trueScreen(rig.screen, options.effects), frequencies, options.quality,
+                              options.effects);
   SimulatedExposure exposure(width, height, 2 + static_cast<int>(4 * frequencies.size()));
   if (!exposure.valid())
     return Error{
@@ -228,9 +249,8 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
   arena.execute([&] {
     tbb::parallel_for(0, height, [&](int y) {
       for (int x = 0; x < width && !job.cancelled(); ++x)
-        for (const Eigen::Vector3d& point : pixelSamples(rig.camera, x, y, side)) {
-          const int level =
-              integrator.finestLevel(point, (eye - point).normalized(), sampler.at(point.x(), point.y()));
+        for (const Eigen::Vector3d& point : pixelSamples(rig.camera, form, x, y, side)) {
+          const int level = integrator.finestLevel(point, (eye - point).normalized(), materialAt(point));
           if (level < 0) tooNarrow = true;
           for (int seen = finest; level > seen && !finest.compare_exchange_weak(seen, level);) {
           }
@@ -247,6 +267,9 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
   const auto integrating = std::chrono::steady_clock::now();
   std::atomic<int> rowsDone{0};
   const int windowColumn = integrator.patternCount() - 1;
+  std::optional<Subsurface> scattering;
+  if (options.effects.subsurface.radiusMm > 0)
+    scattering.emplace(rig.camera, options.effects.subsurface.radiusMm, integrator.patternCount(), side);
   arena.execute([&] {
     tbb::parallel_for(0, height, [&](int y) {
       Eigen::ArrayX3f light(integrator.patternCount(), 3);
@@ -258,8 +281,8 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
         const int end = std::min(width, begin + kPixelsTogether);
         group.clear(), pixelOf.clear();
         for (int x = begin; x < end; ++x)
-          for (const Eigen::Vector3d& point : pixelSamples(rig.camera, x, y, side)) {
-            group.push_back({point, (eye - point).normalized(), sampler.at(point.x(), point.y())});
+          for (const Eigen::Vector3d& point : pixelSamples(rig.camera, form, x, y, side)) {
+            group.push_back({point, (eye - point).normalized(), materialAt(point)});
             pixelOf.push_back(x);
           }
         integrator.respond(group, response);
@@ -274,6 +297,9 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
                                static_cast<float>(material.specular[c]) * response.specular.col(column))
                                   .head(integrator.patternCount())
                                   .array();
+            if (response.white.size() > 0)
+              light.colwise() += response.white.col(column).head(integrator.patternCount()).array();
+            if (scattering) scattering->add(x, y, material, response.diffuse.col(column));
           }
           light *= 1.0f / static_cast<float>(side * side);
           for (int c = 0; c < 3; ++c) {
@@ -286,6 +312,19 @@ Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSh
       job.progress("expose", ++rowsDone, height, "rows");
     });
   });
+  if (job.cancelled()) return cancelledError();
+  if (scattering)
+    arena.execute([&] {
+      tbb::parallel_for(0, height, [&](int y) {
+        for (int x = 0; x < width && !job.cancelled(); ++x) {
+          const Eigen::ArrayX3f change = scattering->change(x, y);
+          for (int c = 0; c < 3; ++c) {
+            exposure.pixel(0, x, y)[c] += change(windowColumn, c);
+            for (int p = 0; p < windowColumn; ++p) exposure.pixel(2 + p, x, y)[c] += change(p, c);
+          }
+        }
+      });
+    });
   if (job.cancelled()) return cancelledError();
   if (report) {
     report->seconds["prepare"] = prepareSeconds;

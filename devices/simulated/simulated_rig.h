@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "devices/simulated/screen_integrator.h"
+#include "devices/simulated/simulated_effects.h"
 #include "devices/simulated/simulated_sensor.h"
 #include "devices/simulated/simulated_sheet.h"
 #include "engine/base/job.h"
@@ -19,7 +20,7 @@
 namespace patina {
 
 /// A camera and a screen over a desk, with what the capture format says of them. All of it is declared in the
-/// bundle: nothing that the simulated rig does is hidden from a fit.
+/// bundle; what is hidden from a fit is in SimulatedCaptureOptions::effects.
 struct SimulatedRig {
   Camera camera;
   Screen screen;
@@ -34,6 +35,11 @@ struct SimulatedRig {
   /// picture of a sheet of the given size fills `pixels` x `pixels` but for a small margin; the lens has
   /// slight barrel distortion.
   static SimulatedRig desk(int pixels, double sheetWidthMm, double sheetHeightMm);
+  /// The same with other places (mm, world): the camera looks at the sheet's centre, the screen faces it and
+  /// is turned in its plane by `screenTurnDeg`.
+  static SimulatedRig placed(int pixels, double sheetWidthMm, double sheetHeightMm,
+                             const Eigen::Vector3d& cameraMm, const Eigen::Vector3d& screenMm,
+                             double screenTurnDeg);
   /// Every problem with the values; empty when usable.
   std::vector<std::string> validate() const;
 };
@@ -42,9 +48,10 @@ struct SimulatedCaptureOptions {
   IntegrationQuality quality;
   int samplesPerPixelSide =
       2;  ///< samples a pixel, squared: 1 looks through pixel centres only, more mixes what a pixel covers
-  bool withNoise = true;    ///< false also turns clipping off
-  bool writeTruth = false;  ///< also truth/, for tests; a fit never reads it
-  int truthSize = 0;        ///< longest side of the truth maps; 0: the camera's longer side
+  SimulatedEffects effects;  ///< what the rig and the sheet do and the bundle doesn't say
+  bool withNoise = true;     ///< false also turns clipping off
+  bool writeTruth = false;   ///< also truth/, for tests; a fit never reads it
+  int truthSize = 0;         ///< longest side of the truth maps; 0: the camera's longer side
   std::vector<Eigen::Vector2i> fitted = paperFrequencies();
   std::vector<Eigen::Vector2i> heldOut = defaultHeldOutFrequencies();
 
@@ -91,8 +98,9 @@ class SimulatedExposure {
 
 /// Noise-free radiance of the photographs that the rig would take of the sheet with a perfect sensor. Source:
 /// frequency-domain paper, equation 1, with the true microfacet BRDF instead of the paper's Gaussian
-/// approximation of it; see ScreenIntegrator. Outside the sheet: black. Errors: Invalid (rig, sheet or
-/// options make no sense; a lobe too narrow for the finest grid), Cancelled. All cores or job.threads.
+/// approximation of it; see ScreenIntegrator. Effects up to subsurface scattering act here, those of time,
+/// lens and sensor later. Beyond the sheet's edge its surface goes on. Errors: Invalid (rig, sheet or options
+/// make no sense; a lobe too narrow for the finest grid), Cancelled. All cores or job.threads.
 Result<SimulatedExposure> exposeSheet(const SimulatedRig& rig, const SimulatedSheet& sheet,
                                       const SimulatedCaptureOptions& options, const JobContext& job,
                                       SimulatedCaptureReport* report = nullptr);

@@ -26,15 +26,16 @@ double normal(std::uint64_t counter) {
 }  // namespace
 
 std::size_t senseInPlace(Image& photo, const SensorNoise& noise, double fullScale, std::uint64_t seed,
-                         std::uint64_t photoIndex) {
+                         std::uint64_t photoIndex, double clipsAt) {
   const std::uint64_t stream = mixed(seed) + photoIndex * photo.samples().size();
   std::size_t clipped = 0, index = 0;
+  const double most = clipsAt > 0 ? clipsAt : fullScale;
   for (float& sample : photo.samples()) {
     const double variance =
         fullScale * noise.shot * std::max(0.0f, sample) + noise.read * noise.read * fullScale * fullScale;
     double value = sample + std::sqrt(variance) * normal(stream + index++);
-    if (value >= fullScale) {
-      value = fullScale;
+    if (value >= most) {
+      value = most;
       ++clipped;
     }
     sample = static_cast<float>(value);  // may fall below zero where the black level is low

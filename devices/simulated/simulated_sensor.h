@@ -14,10 +14,10 @@ struct SensorNoise {
   bool operator==(const SensorNoise&) const = default;
 };
 
-/// Adds the sensor's noise and clips at `fullScale`; returns how many samples were clipped. The noise of a
-/// sample depends on `seed`, the photograph and the place, never on threads: `photoIndex` numbers photographs
-/// of the same size.
+/// Adds the sensor's noise and clips at `clipsAt` (0: at `fullScale`); returns how many samples were clipped.
+/// The noise of a sample depends on `seed`, the photograph and the place, never on threads: `photoIndex`
+/// numbers photographs of the same size.
 std::size_t senseInPlace(Image& photo, const SensorNoise& noise, double fullScale, std::uint64_t seed,
-                         std::uint64_t photoIndex);
+                         std::uint64_t photoIndex, double clipsAt = 0);
 
 }  // namespace patina

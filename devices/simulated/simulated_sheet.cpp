@@ -147,8 +147,9 @@ int SheetSampler::materialAt(double xMm, double yMm) const {
 }
 
 SheetPoint SheetSampler::at(double xMm, double yMm) const {
-  const SheetMaterial& material = sheet_.materials[static_cast<std::size_t>(materialAt(xMm, yMm))];
   SheetPoint point;
+  point.material = materialAt(xMm, yMm);
+  const SheetMaterial& material = sheet_.materials[static_cast<std::size_t>(point.material)];
   // The sums have unit standard deviation; clamped at 2.2 of it so that a relative variation of 0.4 stays
   // positive.
   const double tint = std::clamp(sum(tint_, xMm, yMm), -2.2, 2.2),

@@ -15,6 +15,7 @@ struct SheetPoint {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< unit, world frame
   double sigma = 0.1;                                 ///< standard deviation of the half-vector's slope
   double kurtosis = 1.0;                              ///< the paper's gamma, >= 1
+  int material = 0;                                   ///< index into the sheet's materials
 };
 
 /// One material of a sheet, before the sheet's own variation.
