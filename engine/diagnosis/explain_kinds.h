@@ -12,4 +12,8 @@ Result<ExplanationPtr> explainTwoShot(const std::vector<std::filesystem::path>& 
 Result<ExplanationPtr> explainFlash(const std::vector<std::filesystem::path>& bundles,
                                     const ExplainOptions& options, const JobContext& job);
 
+Result<ExplanationPtr> explainFourierWith(const std::vector<std::filesystem::path>& bundles,
+                                          const std::vector<std::string>& ids, const ExplainOptions& options,
+                                          const JobContext& job);
+
 }  // namespace patina

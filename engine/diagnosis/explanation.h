@@ -150,4 +150,9 @@ using ExplanationPtr = std::shared_ptr<const Explanation>;
 Result<ExplanationPtr> explain(const std::vector<std::filesystem::path>& bundles,
                                const ExplainOptions& options, const JobContext& job);
 
+/// The same with given effects added, none looked for: what a fit that is told the effects reaches. Ids of the catalogue.
+/// Errors: as `explain`; Unsupported for kinds or effects that can't be fitted.
+Result<ExplanationPtr> explainWith(const std::vector<std::filesystem::path>& bundles, const std::vector<std::string>& ids,
+                                   const ExplainOptions& options, const JobContext& job);
+
 }  // namespace patina

@@ -42,10 +42,13 @@ int EffectColumns::add(std::string_view effect, std::string name, double prior) 
   return static_cast<int>(dense_.size()) - 1;
 }
 
-EffectColumns::EffectColumns(const DiagnosisCapture& capture) {
-  for (const char* name : {"u^2", "v^2", "(u^2+v^2)^2", "v"}) add("emission-angular", name, 0.5);
+EffectColumns::EffectColumns(const DiagnosisCapture& capture) : offsetPrior_(0.005 * capture.fullScale) {
+  for (const char* name : {"u^2", "v^2", "v", "0.35", "0.55", "0.75"}) add("emission-angular", name, 0.5);
+  // Of a paper with a known albedo the emission's level shows too; elsewhere the albedos take it.
+  if (capture.knownLambertian) add("emission-angular", "level", 0.2);
   for (const char* name : {"x", "y", "x^2", "x y", "y^2", "(x^2+y^2)^2"}) add("emission-spatial", name, 0.3);
-  for (const char* name : {"30", "42", "54"}) add("self-shadowing", name, 0.5);
+  if (capture.knownLambertian) add("emission-spatial", "level", 0.2);
+  for (const char* name : {"1", "2", "3"}) add("self-shadowing", name, 0.5);
   add("screen-response", "gamma", 0.2);
   add("screen-drift", "fast", 0.1);
   add("screen-drift", "slow", 0.1);
@@ -64,7 +67,7 @@ EffectColumns::EffectColumns(const DiagnosisCapture& capture) {
   add("clearcoat", "strength", 0.02);
   add("iridescence", "red-green", 0.5);
   add("iridescence", "blue", 0.5);
-  for (const char* name : {"core", "shoulder", "tail"}) add("basis-deviation", name, 0.3);
+  for (const char* name : {"core", "shoulder", "tail", "in plane"}) add("basis-deviation", name, 0.3);
   add("subsurface", "2 mm", 0.2);
   add("subsurface", "6 mm", 0.2);
   add("glare", "share", 0.1);
@@ -140,6 +143,14 @@ FourierDiagnosisModel::FourierDiagnosisModel(const DiagnosisCapture& capture, co
   for (auto& mean : meanOfRow_) mean /= std::max(count, 1.0);
 }
 
+/// Direction of a stretch along the plane of view, in the sample's frame: cosine and sine of twice its
+/// azimuth.
+std::array<double, 2> FourierDiagnosisModel::planeOfView(const QuadratureSite& site) const {
+  const Eigen::Vector3d view = cameraMm_ - Eigen::Vector3d(site.pointMm.x(), site.pointMm.y(), 0);
+  const double angle = 2 * std::atan2(view.y(), view.x());
+  return {std::cos(angle), std::sin(angle)};
+}
+
 QuadratureSite FourierDiagnosisModel::moved(const QuadratureSite& site, int axis, double shiftMm,
                                             double heightMm) const {
   ScreenFrame frame = quadrature_.frame();
@@ -170,8 +181,9 @@ QuadratureSite FourierDiagnosisModel::placed(const DiagnosisSite& site) const {
     for (int k = 0; k < 6; ++k) height += state_.height[k] * basis[static_cast<std::size_t>(k)];
     at = moved(at, -1, 0, height);
   }
-  at.stretch1 += static_cast<float>(material.stretch[0]);
-  at.stretch2 += static_cast<float>(material.stretch[1]);
+  const std::array<double, 2> inPlane = planeOfView(site.model);
+  at.stretch1 += static_cast<float>(material.stretch[0] + material.inPlane * inPlane[0]);
+  at.stretch2 += static_cast<float>(material.stretch[1] + material.inPlane * inPlane[1]);
   at.fresnelPower = static_cast<float>(material.fresnelPower);
   for (std::size_t k = 0; k < 3; ++k) at.freeForm[k] = static_cast<float>(material.freeForm[k]);
   return at;
@@ -188,6 +200,7 @@ void FourierDiagnosisModel::light(const DiagnosisSite& site, Want want, SiteColu
   out.quadrature.resize(static_cast<std::size_t>(quadrature::kColumns) * rows);
   out.light.resize(rows * 3);
   out.onScreen = quadrature_.evaluate(placed(site), terms ? Want::kEverything : want, out.quadrature.data());
+  const float level = static_cast<float>(std::exp(state_.level));
   const float* d = out.quadrature.data();
   const float* s = d + static_cast<std::size_t>(quadrature::kSpecularStart) * rows;
   const float* t = d + static_cast<std::size_t>(quadrature::kTermStart) * rows;
@@ -205,7 +218,7 @@ void FourierDiagnosisModel::light(const DiagnosisSite& site, Want want, SiteColu
         value += site.specular[c] * specularColumn(quadrature::kIridescence)[r] *
                  (material.iridescence[0] * kChroma[0][c] + material.iridescence[1] * kChroma[1][c]);
       }
-      out.light[r * 3 + static_cast<std::size_t>(c)] = static_cast<float>(value);
+      out.light[r * 3 + static_cast<std::size_t>(c)] = level * static_cast<float>(value);
     }
   }
 }
@@ -330,9 +343,10 @@ void FourierDiagnosisModel::spreadColumns(const DiagnosisSite& site, SiteColumns
   }
 }
 
-void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteColumns& out) const {
+void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteColumns& out,
+                                     const WantedColumns& wanted) const {
   const std::size_t rows = capture_.rowCount();
-  light(site, want, out);
+  light(site, want == Want::kEverything && !wanted.light ? Want::kParameters : want, out);
   const double scale = capture_.fullScale;
   const bool everything = want == Want::kEverything;
   out.predicted.resize(rows * 3);
@@ -341,11 +355,11 @@ void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteC
     out.effect.setZero(total, columns_.denseCount());
     out.gain.setZero(static_cast<Eigen::Index>(rows), 3);
     out.offset.setZero(static_cast<Eigen::Index>(rows), 3);
-    geometryColumns(site, out);
+    if (wanted.geometry) geometryColumns(site, out);
   }
   const bool lens =
       state_.glare != 0 || state_.defocus != 0 || state_.subsurface[0] != 0 || state_.subsurface[1] != 0;
-  if (everything || lens) {
+  if ((everything && wanted.spread) || lens) {
     if (!everything) out.effect.setZero(total, columns_.denseCount());
     spreadColumns(site, out);
   }
@@ -433,6 +447,9 @@ void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteC
             camera = at("camera-response"), black = at("black-level"), crosstalk = at("channel-crosstalk"),
             stray = at("stray-light"), saturation = at("saturation"), pose = at("screen-pose"),
             tilt = at("sample-tilt"), bent = at("sample-height");
+  const std::array<double, 2> inPlane = planeOfView(site.model);
+  const int angularLevel = columns_.indexOf("emission-angular", "level"),
+            spatialLevel = columns_.indexOf("emission-spatial", "level");
   constexpr double kChroma[2][3] = {{1, -1, 0}, {0.5, 0.5, -1}};
   const SiteSet& set = capture_.state->measurements.sites;
   const double fromCentre = (Eigen::Vector2d(site.pixel.x(), site.pixel.y()) -
@@ -447,31 +464,39 @@ void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteC
       const Eigen::Index row = static_cast<Eigen::Index>(cc * rows + r);
       const double m = slope[r * 3 + cc];
       auto e = out.effect.row(row);
-      const auto lightColumn = [&](int k) {
-        return m * (ad * d[static_cast<std::size_t>(quadrature::kDiffuseLight + k) * rows + r] +
-                    as * specular(quadrature::kSpecularLight + k, r));
-      };
-      for (int k = 0; k < QuadratureState::kAngular; ++k)
-        e[angular + k] = lightColumn(quadrature::kAngularAt + k);
-      for (int k = 0; k < QuadratureState::kSpatial; ++k)
-        e[spatial + k] = lightColumn(quadrature::kSpatialAt + k);
-      for (int k = 0; k < 3; ++k) e[horizon + k] = lightColumn(quadrature::kHorizonAt + k);
-      e[response] = lightColumn(quadrature::kWindowAt) +
-                    m * (ad * shape[static_cast<std::size_t>(quadrature::kShapeDiffuse) * rows + r] +
-                         as * shape[static_cast<std::size_t>(quadrature::kShapeSpecular) * rows + r]);
+      if (angularLevel >= 0) e[angularLevel] = e[spatialLevel] = m * out.light[r * 3 + cc];
+      if (wanted.light) {
+        const auto lightColumn = [&](int k) {
+          return m * (ad * d[static_cast<std::size_t>(quadrature::kDiffuseLight + k) * rows + r] +
+                      as * specular(quadrature::kSpecularLight + k, r));
+        };
+        for (int k = 0; k < QuadratureState::kAngular; ++k)
+          e[angular + k] = lightColumn(quadrature::kAngularAt + k);
+        for (int k = 0; k < QuadratureState::kSpatial; ++k)
+          e[spatial + k] = lightColumn(quadrature::kSpatialAt + k);
+        for (int k = 0; k < 3; ++k) e[horizon + k] = lightColumn(quadrature::kHorizonAt + k);
+        e[response] = lightColumn(quadrature::kWindowAt) +
+                      m * (ad * shape[static_cast<std::size_t>(quadrature::kShapeDiffuse) * rows + r] +
+                           as * shape[static_cast<std::size_t>(quadrature::kShapeSpecular) * rows + r]);
+      }
       for (int k = 0; k < kDriftCurves; ++k)
         e[drift + k] = m * out.light[r * 3 + cc] * driftCurve(k, capture_.rows[r].time);
-      e[anisotropy] = m * as * specular(quadrature::kStretch1, r);
-      e[anisotropy + 1] = m * as * specular(quadrature::kStretch2, r);
-      e[third] = m * as * (t[static_cast<std::size_t>(quadrature::kThirdLobe) * rows + r] - s[r]);
-      e[third + 1] = m * as * (t[static_cast<std::size_t>(quadrature::kThirdLobeBroad) * rows + r] - s[r]);
-      e[fresnel] = m * as * specular(quadrature::kFresnelPower, r);
-      e[sheen] = m * t[static_cast<std::size_t>(quadrature::kSheen) * rows + r];
-      e[retro] = m * t[static_cast<std::size_t>(quadrature::kRetro) * rows + r];
-      e[coat] = m * t[static_cast<std::size_t>(quadrature::kClearcoat) * rows + r];
-      for (int k = 0; k < 2; ++k)
-        e[irid + k] = m * as * specular(quadrature::kIridescence, r) * kChroma[k][c];
-      for (int k = 0; k < 3; ++k) e[freeForm + k] = m * as * specular(quadrature::kFreeForm + k, r);
+      if (wanted.light) {
+        e[anisotropy] = m * as * specular(quadrature::kStretch1, r);
+        e[anisotropy + 1] = m * as * specular(quadrature::kStretch2, r);
+        e[third] = m * as * (t[static_cast<std::size_t>(quadrature::kThirdLobe) * rows + r] - s[r]);
+        e[third + 1] = m * as * (t[static_cast<std::size_t>(quadrature::kThirdLobeBroad) * rows + r] - s[r]);
+        e[fresnel] = m * as * specular(quadrature::kFresnelPower, r);
+        e[sheen] = m * t[static_cast<std::size_t>(quadrature::kSheen) * rows + r];
+        e[retro] = m * t[static_cast<std::size_t>(quadrature::kRetro) * rows + r];
+        e[coat] = m * t[static_cast<std::size_t>(quadrature::kClearcoat) * rows + r];
+        for (int k = 0; k < 2; ++k)
+          e[irid + k] = m * as * specular(quadrature::kIridescence, r) * kChroma[k][c];
+        for (int k = 0; k < 3; ++k) e[freeForm + k] = m * as * specular(quadrature::kFreeForm + k, r);
+        e[freeForm + 3] = m * as *
+                          (inPlane[0] * specular(quadrature::kStretch1, r) +
+                           inPlane[1] * specular(quadrature::kStretch2, r));
+      }
       e[vignetting] = -m * out.light[r * 3 + cc] * fromCentre;
       const double v = std::max(lit[r * 3 + cc] / scale, 1e-6);
       e[camera] = recorded[r * 3 + cc] * std::log(v);

@@ -33,11 +33,14 @@ class EffectColumns {
   Range rangeOf(std::string_view effect) const;
   /// Effects of the surface have own numbers for each material.
   static bool perMaterial(std::string_view effect);
+  /// Standard deviation of a photograph's offset that makes sense beforehand, radiance.
+  double offsetPrior() const { return offsetPrior_; }
   int indexOf(std::string_view effect, std::string_view name) const;
 
  private:
   int add(std::string_view effect, std::string name, double prior);
   std::vector<EffectColumn> dense_;
+  double offsetPrior_ = 1;
 };
 
 /// Strengths in force: what has been added so far. Everything at rest: the standard model.
@@ -65,7 +68,9 @@ struct EffectState {
     double stretch[2] = {0, 0};
     double third[2] = {0, 0}, clearcoat = 0, sheen = 0, retro = 0;
     std::array<double, 3> freeForm{};
+    double inPlane = 0;  ///< log ratio of variances along and across the plane of view, minus one's sign
   };
+  double level = 0;  ///< log factor on the emission as a whole: of a paper with known albedo
   std::vector<Material> material;
   std::vector<std::string> added;  ///< ids, in the order in which they were added
   bool has(std::string_view id) const;
@@ -77,6 +82,13 @@ struct PredictedPictures {
   std::vector<float> whole, diffuse;  ///< empty: not available (too many sites)
   std::size_t rows = 0;
   bool available() const { return !whole.empty(); }
+};
+
+/// Which groups of columns to evaluate: what isn't wanted is left zero.
+struct WantedColumns {
+  bool light = true;     ///< screen and surface: needs the quadrature's own columns
+  bool geometry = true;  ///< screen-pose, sample-height, sample-tilt: seven more predictions
+  bool spread = true;    ///< glare, defocus, subsurface
 };
 
 /// A site's prediction and columns. Scratch, reused.
@@ -112,19 +124,23 @@ class FourierDiagnosisModel {
   /// Light of one site: D and S times albedos plus terms; no time, lens, sensor.
   void light(const DiagnosisSite& site, quadrature::Want want, SiteColumns& out) const;
   /// Prediction and, with kParameters, `own`; with kEverything all columns.
-  void evaluate(const DiagnosisSite& site, quadrature::Want want, SiteColumns& out) const;
+  void evaluate(const DiagnosisSite& site, quadrature::Want want, SiteColumns& out,
+                const WantedColumns& wanted = {}) const;
   /// Predicts every fitted site's light; where there are more than `most` sites nothing is done. Parallel.
   PredictedPictures pictures(const std::vector<DiagnosisSite>& sampled, std::size_t most,
                              const JobContext& job) const;
   void setPictures(std::shared_ptr<const PredictedPictures> pictures) { pictures_ = std::move(pictures); }
   const ScreenQuadrature& quadrature() const { return quadrature_; }
   const EffectState& state() const { return state_; }
+  /// Mean of a photograph's predicted light over the sample.
+  const Eigen::Array3d& meanOfRow(std::size_t row) const { return meanOfRow_[row]; }
 
   /// Site moved as the state's pose and height say.
   QuadratureSite placed(const DiagnosisSite& site) const;
 
  private:
   QuadratureSite moved(const QuadratureSite& site, int axis, double shiftMm, double heightMm) const;
+  std::array<double, 2> planeOfView(const QuadratureSite& site) const;
   void geometryColumns(const DiagnosisSite& site, SiteColumns& out) const;
   void spreadColumns(const DiagnosisSite& site, SiteColumns& out) const;
 

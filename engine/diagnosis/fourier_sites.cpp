@@ -114,6 +114,12 @@ void loadSite(const DiagnosisCapture& capture, DiagnosisSite& at) {
   at.model = quadratureSite(*capture.state, s);
   at.diffuse = capture.state->sites[s].diffuse;
   at.specular = capture.state->sites[s].specular;
+  if (capture.knownLambertian) {
+    at.diffuse = capture.state->capture.known->albedo.cast<float>().array();
+    at.specular.setZero();
+    at.model.slopeX = at.model.slopeY = 0;
+    at.model.sigma = 0.3f;
+  }
   at.pixel = m.sites.pixel[s];
   const float pixels = static_cast<float>(m.sites.pixelCount[s]);
   const auto weight = [&](double radiance) {

@@ -11,6 +11,8 @@
 
 namespace patina {
 
+struct PredictedPictures;
+
 /// Which photograph stands behind a row of the numerical model.
 struct DiagnosisRow {
   int photo = -1;      ///< index into capture.photos; -1: none (a held-out frequency has no window)
@@ -32,6 +34,8 @@ struct DiagnosisSite {
   std::vector<float> weight;    ///< [row][R G B] one over the variance; 0: not to be used
   Eigen::Array3f blackMeasured = Eigen::Array3f::Zero(), blackWeight = Eigen::Array3f::Zero();
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+  float robust =
+      1;  ///< factor on all weights: below 1 where nothing fits, so that few sites don't decide for all
   bool usable = true;  ///< false: the lobe left the screen, or no finite solution
 };
 
@@ -46,6 +50,7 @@ struct DiagnosisCapture {
   std::vector<std::uint8_t> clusterOfSite;  ///< of every site of the fit
   double fullScale = 1;  ///< brightest prediction over the sites, radiance with black level
   bool knownLambertian = false;
+  std::shared_ptr<const PredictedPictures> pictures;  ///< for what spreads light; null until made
 
   std::size_t rowCount() const { return rows.size(); }
 };

@@ -42,7 +42,9 @@ OwnPrior ownPrior(const DiagnosisCapture& capture, const DiagnosisSite& site) {
   return prior;
 }
 
-void step(DiagnosisSite& site, const Eigen::VectorXd& delta) {
+}  // namespace
+
+void stepSite(DiagnosisSite& site, const Eigen::VectorXd& delta) {
   const double limit = std::max(0.02, 0.5 * static_cast<double>(site.model.sigma));
   site.model.sigma *= static_cast<float>(std::exp(std::clamp(delta[kOwnLogSigma], -0.4, 0.4)));
   site.model.sigma = std::clamp(site.model.sigma, 0.003f, 1.0f);
@@ -58,6 +60,8 @@ void step(DiagnosisSite& site, const Eigen::VectorXd& delta) {
   }
 }
 
+namespace {
+
 /// Square roots of a site's weights: fitted rows, or held-out ones.
 Eigen::VectorXd rootWeights(const DiagnosisCapture& capture, const DiagnosisSite& site, bool holdout) {
   const std::size_t rows = capture.rowCount();
@@ -65,7 +69,8 @@ Eigen::VectorXd rootWeights(const DiagnosisCapture& capture, const DiagnosisSite
   for (std::size_t r = 0; r < rows; ++r)
     if (capture.rows[r].holdout == holdout)
       for (std::size_t c = 0; c < 3; ++c)
-        w[static_cast<Eigen::Index>(c * rows + r)] = std::sqrt(static_cast<double>(site.weight[r * 3 + c]));
+        w[static_cast<Eigen::Index>(c * rows + r)] =
+            std::sqrt(static_cast<double>(site.robust * site.weight[r * 3 + c]));
   return w;
 }
 
@@ -119,18 +124,21 @@ ScoreSums& ScoreSums::operator+=(const ScoreSums& other) {
 }
 
 void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, int steps,
-                 const JobContext& job) {
+                 const JobContext& job, bool mayDrop) {
   tbb::enumerable_thread_specific<SiteColumns> scratch;
   tbb::parallel_for(std::size_t{0}, capture.sites.size(), [&](std::size_t i) {
     if (job.cancelled()) return;
     DiagnosisSite& site = capture.sites[i];
+    if (!site.usable) return;
     SiteColumns& at = scratch.local();
     DiagnosisSite best = site;
     double least = -1, damping = 0;
     for (int k = 0; k <= steps; ++k) {
       model.evaluate(site, quadrature::kParameters, at);
-      site.usable = at.onScreen;
-      if (!at.onScreen) break;
+      if (mayDrop && !at.onScreen) {
+        site.usable = false;
+        break;
+      }
       const Eigen::VectorXd w = rootWeights(capture, site, false);
       const Eigen::VectorXd r = w.cwiseProduct(residualOf(capture, site, at));
       const OwnPrior prior = ownPrior(capture, site);
@@ -161,7 +169,7 @@ void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, 
       if (system.llt.info() != Eigen::Success) break;
       const Eigen::VectorXd delta = system.llt.solve(system.rhs);
       if (!delta.allFinite()) break;
-      step(site, delta);
+      stepSite(site, delta);
     }
     if (least >= 0) {
       const bool usable = site.usable;
@@ -172,17 +180,23 @@ void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, 
 }
 
 void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& model,
-                    const EffectColumns& columns, const JobContext& job) {
+                    const EffectColumns& columns, const JobContext& job, const WantedColumns& wanted,
+                    int materialOffset) {
   columns_ = &columns;
   const int dense = columns.denseCount();
   const std::size_t rows = capture.rowCount();
   std::vector<std::size_t> fitted;
   for (std::size_t r = 0; r < rows; ++r)
     if (!capture.rows[r].holdout) fitted.push_back(r);
-  fittedRows_ = static_cast<int>(fitted.size());
+  if (materialOffset == 0) fittedRows_ = static_cast<int>(fitted.size());
+  const int sparseRows = materialOffset == 0 ? fittedRows_ : 0;
+  const EffectColumns::Range driftColumns = columns.rangeOf("screen-drift");
   const Eigen::Index sparse = 2 * fittedRows_, all = dense + sparse;
-  perMaterial_.resize(std::max(perMaterial_.size(), static_cast<std::size_t>(capture.clusterCount)));
+  perMaterial_.resize(
+      std::max(perMaterial_.size(), static_cast<std::size_t>(materialOffset + capture.clusterCount)));
 
+  const std::size_t firstMove = moves_.size();
+  moves_.resize(firstMove + capture.sites.size());
   struct Local {
     SiteColumns at;
     std::vector<ScoreSums> sums;
@@ -204,7 +218,8 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
       }
     }
     SiteColumns& at = local.at;
-    model.evaluate(site, quadrature::kEverything, at);
+    model.evaluate(site, quadrature::kEverything, at, wanted);
+    if (materialOffset > 0) at.effect.middleCols(driftColumns.first, driftColumns.count).setZero();
     const Eigen::VectorXd w = rootWeights(capture, site, false), residual = residualOf(capture, site, at);
     Eigen::MatrixXd stacked(static_cast<Eigen::Index>(3 * rows), kOwnCount + dense + 1);
     stacked << at.own, at.effect, residual;
@@ -219,7 +234,7 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
                     denseSparse = Eigen::MatrixXd::Zero(dense, sparse);
     Eigen::VectorXd sparseR = Eigen::VectorXd::Zero(sparse), gg = Eigen::VectorXd::Zero(fittedRows_), oo = gg,
                     go = gg;
-    for (int f = 0; f < fittedRows_; ++f) {
+    for (int f = 0; f < sparseRows; ++f) {
       const std::size_t r = fitted[static_cast<std::size_t>(f)];
       for (std::size_t c = 0; c < 3; ++c) {
         const Eigen::Index row = static_cast<Eigen::Index>(c * rows + r);
@@ -241,7 +256,7 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     joint << gram.block(0, kOwnCount, kOwnCount, dense), ownSparse;
     const Eigen::MatrixXd reduced = system.llt.matrixL().solve(joint);
     const Eigen::VectorXd reducedR = system.llt.matrixL().solve(system.rhs);
-    ScoreSums& sums = local.sums[static_cast<std::size_t>(site.cluster)];
+    ScoreSums& sums = local.sums[static_cast<std::size_t>(materialOffset + site.cluster)];
     const Eigen::MatrixXd taken = gramOfColumns(reduced);
     sums.a -= taken;
     sums.a.topLeftCorner(dense, dense) += gram.block(kOwnCount, kOwnCount, dense, dense);
@@ -262,6 +277,9 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     // What the own parameters do with each column, and what that means for the held-out photographs.
     const Eigen::MatrixXd absorbed = system.llt.matrixU().solve(reduced.leftCols(dense));
     const Eigen::VectorXd moved = system.llt.matrixU().solve(reducedR);
+    OwnMove& move = moves_[firstMove + i];
+    move.material = materialOffset + site.cluster;
+    move.absorbed = system.llt.matrixU().solve(reduced).cast<float>();
     local.shifts.push_back(absorbed);
     const Eigen::VectorXd wh = rootWeights(capture, site, true);
     if ((wh.array() > 0).any()) {
@@ -302,6 +320,19 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
   }
 }
 
+Eigen::VectorXd ScoreTest::ownStep(std::size_t site, const std::vector<Number>& numbers,
+                                   const Eigen::VectorXd& estimate) const {
+  const OwnMove& move = moves_[site];
+  if (move.material < 0) return {};
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(kOwnCount);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const Number& number = numbers[i];
+    if (number.material >= 0 && number.material != move.material) continue;
+    out -= estimate[static_cast<Eigen::Index>(i)] * move.absorbed.col(number.column).cast<double>();
+  }
+  return out;
+}
+
 ScoreSums ScoreTest::total() const {
   ScoreSums sum;
   for (const auto& part : perMaterial_) sum += part;
@@ -318,7 +349,8 @@ std::vector<ScoreTest::Number> ScoreTest::numbers(const std::vector<std::string>
   for (const std::string& effect : effects) {
     if (effect == "flicker" || effect == "ambient-drift") {
       const int first = columns_->denseCount() + (effect == "flicker" ? 0 : fittedRows_);
-      for (int f = 0; f < fittedRows_; ++f) out.push_back({first + f, -1, effect == "flicker" ? 0.03 : -1});
+      for (int f = 0; f < fittedRows_; ++f)
+        out.push_back({first + f, -1, effect == "flicker" ? 0.03 : columns_->offsetPrior()});
       continue;
     }
     const EffectColumns::Range range = columns_->rangeOf(effect);
@@ -364,10 +396,8 @@ ScoreResult ScoreTest::solve(const std::vector<std::string>& effects,
     assemble(number, a, b);
     Eigen::MatrixXd withPrior = a;
     double logPrior = 0;
-    const double offsetPrior = 0.01 / std::max(1e-30, 1.0);
     for (Eigen::Index i = 0; i < b.size(); ++i) {
-      double sd = number[static_cast<std::size_t>(i)].prior;
-      if (sd < 0) sd = offsetPrior;
+      const double sd = number[static_cast<std::size_t>(i)].prior;
       withPrior(i, i) += 1 / (sd * sd);
       logPrior += 2 * std::log(sd);
     }
@@ -418,8 +448,7 @@ double ScoreTest::correlation(std::string_view x, std::string_view y) const {
   const Eigen::Index p = static_cast<Eigen::Index>(nx.size()), q = static_cast<Eigen::Index>(ny.size());
   if (p == 0 || q == 0) return 0;
   for (Eigen::Index i = 0; i < p + q; ++i) {
-    const double sd =
-        both[static_cast<std::size_t>(i)].prior < 0 ? 0.01 : both[static_cast<std::size_t>(i)].prior;
+    const double sd = both[static_cast<std::size_t>(i)].prior;
     a(i, i) += 1 / (sd * sd);
   }
   const Eigen::LLT<Eigen::MatrixXd> lx(a.topLeftCorner(p, p)), ly(a.bottomRightCorner(q, q));
@@ -429,6 +458,30 @@ double ScoreTest::correlation(std::string_view x, std::string_view y) const {
   return singularValues(c)[0];
 }
 
+void setRobustWeights(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job) {
+  std::vector<double> ratio(capture.sites.size(), -1);
+  tbb::enumerable_thread_specific<SiteColumns> scratch;
+  tbb::parallel_for(std::size_t{0}, capture.sites.size(), [&](std::size_t i) {
+    DiagnosisSite& site = capture.sites[i];
+    if (!site.usable || job.cancelled()) return;
+    site.robust = 1;
+    SiteColumns& at = scratch.local();
+    model.evaluate(site, quadrature::kPrediction, at);
+    const Eigen::VectorXd w = rootWeights(capture, site, false);
+    ratio[i] = w.cwiseProduct(residualOf(capture, site, at)).squaredNorm() /
+               std::max<double>(1, static_cast<double>((w.array() > 0).count()));
+  });
+  std::vector<double> sorted;
+  for (const double r : ratio)
+    if (r >= 0) sorted.push_back(r);
+  if (sorted.empty()) return;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
+                   sorted.end());
+  const double most = 3 * std::max(sorted[sorted.size() / 2], 1.0);
+  for (std::size_t i = 0; i < ratio.size(); ++i)
+    if (ratio[i] > most) capture.sites[i].robust = static_cast<float>(most / ratio[i]);
+}
+
 ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisModel& model,
                       const JobContext& job) {
   const std::size_t rows = capture.rowCount();
@@ -436,6 +489,7 @@ ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisMod
   struct Local {
     SiteColumns at;
     ModelError e;
+    std::vector<double> rowSignal;
     double signal = 0, heldSignal = 0, error = 0, heldError = 0, noise = 0, heldNoise = 0;
   };
   tbb::enumerable_thread_specific<Local> locals([&] {
@@ -443,6 +497,8 @@ ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisMod
     l.e.heldPatch.assign(kPatches, 0);
     l.e.rowChi2.assign(rows, 0);
     l.e.rowCount.assign(rows, 0);
+    l.rowSignal.assign(rows, 0);
+    l.e.rowNoise.assign(rows, 0);
     return l;
   });
   tbb::parallel_for(std::size_t{0}, capture.sites.size(), [&](std::size_t i) {
@@ -453,12 +509,14 @@ ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisMod
     const std::size_t patch = i * kPatches / capture.sites.size();
     for (std::size_t r = 0; r < rows; ++r) {
       for (std::size_t c = 0; c < 3; ++c) {
-        const double w = site.weight[r * 3 + c];
+        const double w = site.robust * site.weight[r * 3 + c];
         if (w <= 0) continue;
         const double measured = site.measured[r * 3 + c], gap = measured - l.at.predicted[r * 3 + c],
                      chi2 = w * gap * gap;
         l.e.rowChi2[r] += chi2;
         l.e.rowCount[r] += 1;
+        l.rowSignal[r] += measured * measured;
+        l.e.rowNoise[r] += 1 / w;
         if (capture.rows[r].holdout) {
           l.e.heldChi2 += chi2;
           l.e.heldCount += 1;
@@ -480,6 +538,8 @@ ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisMod
   sum.e.heldPatch.assign(kPatches, 0);
   sum.e.rowChi2.assign(rows, 0);
   sum.e.rowCount.assign(rows, 0);
+  sum.e.rowNoise.assign(rows, 0);
+  sum.rowSignal.assign(rows, 0);
   for (const Local& l : locals) {
     sum.e.chi2 += l.e.chi2, sum.e.count += l.e.count, sum.e.heldChi2 += l.e.heldChi2,
         sum.e.heldCount += l.e.heldCount;
@@ -489,7 +549,11 @@ ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisMod
     for (std::size_t k = 0; k < kPatches; ++k) sum.e.heldPatch[k] += l.e.heldPatch[k];
     for (std::size_t r = 0; r < rows; ++r)
       sum.e.rowChi2[r] += l.e.rowChi2[r], sum.e.rowCount[r] += l.e.rowCount[r];
+    for (std::size_t r = 0; r < rows; ++r)
+      sum.e.rowNoise[r] += l.e.rowNoise[r], sum.rowSignal[r] += l.rowSignal[r];
   }
+  for (std::size_t r = 0; r < rows; ++r)
+    sum.e.rowNoise[r] = sum.rowSignal[r] > 0 ? std::sqrt(sum.e.rowNoise[r] / sum.rowSignal[r]) : 0;
   ModelError out = std::move(sum.e);
   const auto rms = [](double a, double b) { return b > 0 ? std::sqrt(a / b) : -1; };
   out.rms = rms(sum.error, sum.signal);

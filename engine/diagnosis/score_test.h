@@ -42,7 +42,7 @@ class ScoreTest {
   /// Evaluates all columns at all sites (twice the sites' own parameters are refined first where `refine`),
   /// parallel. The sites' parameters in `capture` are updated.
   void add(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const EffectColumns& columns,
-           const JobContext& job);
+           const JobContext& job, const WantedColumns& wanted = {}, int materialOffset = 0);
 
   /// Solves for the numbers of `effects` jointly, given that those of `given` are free too; gain is over
   /// `given` alone.
@@ -62,6 +62,10 @@ class ScoreTest {
     int material;
     double prior;
   };
+  /// First-order move of a site's own parameters (kOwnCount) that makes room for a step of the numbers. Site
+  /// in the order in which they were added; empty where it was left out.
+  Eigen::VectorXd ownStep(std::size_t site, const std::vector<Number>& numbers,
+                          const Eigen::VectorXd& estimate) const;
   std::vector<Number> numbers(const std::vector<std::string>& effects) const;
   int fittedRows() const { return fittedRows_; }
   /// Median over sites of how far one prior-sized step of a column moves a site's own parameters: for the
@@ -75,19 +79,32 @@ class ScoreTest {
   int fittedRows_ = 0;
   std::vector<ScoreSums> perMaterial_;
   Eigen::MatrixXd shifts_;
+  struct OwnMove {
+    int material = -1;
+    Eigen::MatrixXf absorbed;  ///< kOwnCount x columns, sparse ones too
+  };
+  std::vector<OwnMove> moves_;
 };
 
 /// Moves the sites' own parameters towards their optimum under the model: `steps` Gauss-Newton steps,
 /// parallel.
+/// `mayDrop`: sites whose lobe is found to leave the screen become unusable.
 void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, int steps,
-                 const JobContext& job);
+                 const JobContext& job, bool mayDrop = true);
+/// Moves a site's own parameters by a step, each as far as makes sense at once.
+void stepSite(DiagnosisSite& site, const Eigen::VectorXd& delta);
+
+/// Sites whose residual is beyond three times the median's get less weight, so that a few that are far from
+/// any linear regime don't decide for all. To be called between rounds, never between things that are
+/// compared.
+void setRobustWeights(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job);
 
 /// What a state leaves: mean squares in units of noise, and relative RMS over the tested sites.
 struct ModelError {
   double chi2 = 0, count = 0, heldChi2 = 0, heldCount = 0;
   double rms = 0, heldRms = 0, floor = 0, heldFloor = 0;
   std::vector<double> heldPatch;  ///< held-out chi2 by groups of neighbouring sites, for its own uncertainty
-  std::vector<double> rowChi2, rowCount;  ///< by row
+  std::vector<double> rowChi2, rowCount, rowNoise;  ///< by row; noise: relative to the photograph's signal
 };
 ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisModel& model,
                       const JobContext& job);

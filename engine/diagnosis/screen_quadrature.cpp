@@ -26,6 +26,7 @@ inline constexpr int kPad = 16;  // floats of the widest vector
 inline constexpr int kLobeNodes = kSide * kSide;  // a multiple of kPad
 inline constexpr int kMostGrid = 512;
 // What 24 and 16 Legendre nodes over the lit area resolve, pattern units.
+inline constexpr float kBumpCentre[3] = {0.35f, 0.55f, 0.75f}, kBumpWidth = 0.15f;
 inline constexpr float kMostAlongX = 9, kMostAlongY = 11;
 
 /// Nodes of one peak: centre and factor of its covariance, both in pattern units, relative to the foot.
@@ -75,11 +76,21 @@ HWY_INLINE Lanes dot3(const Lanes (&a)[3], const float (&b)[3]) {
   return a[0] * Lanes(b[0]) + a[1] * Lanes(b[1]) + a[2] * Lanes(b[2]);
 }
 
+HWY_INLINE Lanes dotVector(const Lanes (&a)[3], const Eigen::Vector3f& b) {
+  return a[0] * Lanes(b[0]) + a[1] * Lanes(b[1]) + a[2] * Lanes(b[2]);
+}
+
+/// One of the three bumps over the sine of the emission angle; `sine2` its square.
+HWY_INLINE Lanes angularBump(Lanes sine2, int k) {
+  const Lanes gap = vsqrt(sine2) - Lanes(q::kBumpCentre[k]);
+  return vexp(gap * gap * Lanes(-0.5f / (q::kBumpWidth * q::kBumpWidth)));
+}
+
 /// Light of one screen point: direction, falloff, emission, and the factors on it.
 struct LightAt {
   Lanes toLight[3], invD;
   Lanes gain;  ///< everything but BRDF, sample's cosine and the node's weight; 0 off the screen
-  Lanes sineU, sineV, placeX, placeY, logWindow, elevation, horizon, horizonSlope;
+  Lanes sineU, sineV, placeX, placeY, logWindow, horizonSlope;
 };
 
 struct Shared {
@@ -116,7 +127,10 @@ HWY_INLINE LightAt lightAt(const Shared& shared, Lanes x, Lanes y, bool windowDo
   const Lanes u2 = at.sineU * at.sineU, v2 = at.sineV * at.sineV;
   const Lanes x2 = at.placeX * at.placeX, y2 = at.placeY * at.placeY;
   exponent = exponent + Lanes(state.angular[0]) * u2 + Lanes(state.angular[1]) * v2 +
-             Lanes(state.angular[2]) * (u2 + v2) * (u2 + v2) + Lanes(state.angular[3]) * at.sineV;
+             Lanes(state.angular[2]) * at.sineV;
+  if (state.angular[3] != 0 || state.angular[4] != 0 || state.angular[5] != 0)
+    for (std::size_t k = 0; k < 3; ++k)
+      exponent = mulAdd(Lanes(state.angular[3 + k]), angularBump(u2 + v2, static_cast<int>(k)), exponent);
   exponent = exponent + Lanes(state.spatial[0]) * at.placeX + Lanes(state.spatial[1]) * at.placeY +
              Lanes(state.spatial[2]) * x2 + Lanes(state.spatial[3]) * at.placeX * at.placeY +
              Lanes(state.spatial[4]) * y2 + Lanes(state.spatial[5]) * (x2 + y2) * (x2 + y2);
@@ -124,17 +138,14 @@ HWY_INLINE LightAt lightAt(const Shared& shared, Lanes x, Lanes y, bool windowDo
   const Mask lit = hn::And(hn::Le(hn::Abs(at.placeX.v), hn::Set(Tag(), 1.0f)),
                            hn::Le(hn::Abs(at.placeY.v), hn::Set(Tag(), 1.0f)));
   at.gain = Lanes(hn::IfThenElseZero(lit, at.gain.v));
-  at.elevation = dot3(at.toLight, shared.up);
-  at.horizon = Lanes(1.0f);
   at.horizonSlope = Lanes(0.0f);
-  if (state.horizonRad > 0) {
+  if (state.horizon) {
     // A soft edge: the nodes could not integrate a hard one, and real relief has none.
-    constexpr float kWidth = 0.03f;
-    const Lanes e =
-        vexp(clampTo((at.elevation - Lanes(std::sin(state.horizonRad))) * Lanes(-1 / kWidth), -30, 30));
-    at.horizon = vinv(Lanes(1.0f) + e);
-    at.horizonSlope = Lanes(-std::cos(state.horizonRad) / kWidth) * (Lanes(1.0f) - at.horizon);
-    at.gain = at.gain * at.horizon;
+    const float inv = 1 / state.horizonWidth;
+    const Lanes height = dotVector(at.toLight, quad.horizonNormal_) - Lanes(state.horizonSine);
+    const Lanes passed = vinv(Lanes(1.0f) + vexp(clampTo(height * Lanes(-inv), -30, 30)));
+    at.horizonSlope = Lanes(inv) * (Lanes(1.0f) - passed);
+    at.gain = at.gain * passed;
   }
   return at;
 }
@@ -149,22 +160,27 @@ HWY_INLINE void lightColumns(const Shared& shared, const LightAt& at, Lanes f, f
   };
   put(q::kAngularAt, u2);
   put(q::kAngularAt + 1, v2);
-  put(q::kAngularAt + 2, (u2 + v2) * (u2 + v2));
-  put(q::kAngularAt + 3, at.sineV);
+  put(q::kAngularAt + 2, at.sineV);
+  for (int k = 0; k < 3; ++k) put(q::kAngularAt + 3 + k, angularBump(u2 + v2, k));
   put(q::kSpatialAt, at.placeX);
   put(q::kSpatialAt + 1, at.placeY);
   put(q::kSpatialAt + 2, x2);
   put(q::kSpatialAt + 3, at.placeX * at.placeY);
   put(q::kSpatialAt + 4, y2);
   put(q::kSpatialAt + 5, (x2 + y2) * (x2 + y2));
-  if (shared.quadrature.state_.horizonRad > 0) {
-    put(q::kHorizonAt, at.horizonSlope);
-    put(q::kHorizonAt + 1, Lanes(0.0f));
-    put(q::kHorizonAt + 2, Lanes(0.0f));
+  const ScreenQuadrature& quad = shared.quadrature;
+  if (quad.state_.horizon) {
+    put(q::kHorizonAt, at.horizonSlope * dotVector(at.toLight, quad.horizonByX_));
+    put(q::kHorizonAt + 1, at.horizonSlope * dotVector(at.toLight, quad.horizonByY_));
+    put(q::kHorizonAt + 2, -at.horizonSlope);
   } else {
-    constexpr float kSine[3] = {0.5f, 0.66913f, 0.80902f};
+    // All round at 27 degrees; flanks of 50 degrees towards the sample's +x and -x.
+    constexpr float kSine = 0.454f, kFlankUp = 0.643f, kFlankAside = 0.766f;
+    const Lanes up = dotVector(at.toLight, quad.up_), aside = dotVector(at.toLight, quad.sampleX_);
+    const Lanes height[3] = {up - Lanes(kSine), Lanes(kFlankUp) * up - Lanes(kFlankAside) * aside,
+                             Lanes(kFlankUp) * up + Lanes(kFlankAside) * aside};
     for (int k = 0; k < 3; ++k) {
-      const Lanes e = vexp(clampTo((at.elevation - Lanes(kSine[k])) * Lanes(-1 / 0.03f), -30, 30));
+      const Lanes e = vexp(clampTo(height[k] * Lanes(-1 / 0.04f), -30, 30));
       put(q::kHorizonAt + k, -(e * vinv(Lanes(1.0f) + e)));
     }
   }
@@ -640,6 +656,16 @@ quadrature::Peak findPeak(const ScreenQuadrature& quad, const quadrature::SiteFr
 
 }  // namespace
 
+double quadrature::logEmission(const QuadratureState& state, double u, double v, double x, double y) {
+  double sum = state.angular[0] * u * u + state.angular[1] * v * v + state.angular[2] * v;
+  const double s = std::hypot(u, v);
+  for (std::size_t k = 0; k < 3; ++k)
+    sum += state.angular[3 + k] * std::exp(-0.5 * std::pow((s - kBumpCentre[k]) / kBumpWidth, 2));
+  const double r2 = x * x + y * y;
+  return sum + state.spatial[0] * x + state.spatial[1] * y + state.spatial[2] * x * x +
+         state.spatial[3] * x * y + state.spatial[4] * y * y + state.spatial[5] * r2 * r2;
+}
+
 ScreenQuadrature::Harmonics ScreenQuadrature::harmonicsOf(double gamma) {
   Harmonics h;
   if (gamma == 1) {
@@ -682,6 +708,15 @@ ScreenQuadrature::ScreenQuadrature(const ScreenFrame& frame, Eigen::Vector2d sam
   up_ = (frame.screenFromWorld * Eigen::Vector3d::UnitZ()).cast<float>();
   sampleX_ = (frame.screenFromWorld * Eigen::Vector3d::UnitX()).cast<float>();
   sampleY_ = (frame.screenFromWorld * Eigen::Vector3d::UnitY()).cast<float>();
+  {
+    const Eigen::Vector3d v(-state.horizonTiltX, -state.horizonTiltY, 1), m = v.normalized();
+    const auto slope = [&](const Eigen::Vector3d& e) -> Eigen::Vector3d {
+      return (e - m * m.dot(e)) / v.norm();
+    };
+    horizonNormal_ = (frame.screenFromWorld * m).cast<float>();
+    horizonByX_ = (frame.screenFromWorld * slope(-Eigen::Vector3d::UnitX())).cast<float>();
+    horizonByY_ = (frame.screenFromWorld * slope(-Eigen::Vector3d::UnitY())).cast<float>();
+  }
   std::vector<double> nodeX, weightX, nodeY, weightY;
   legendreNodes(24, nodeX, weightX);
   legendreNodes(16, nodeY, weightY);

@@ -24,15 +24,18 @@ namespace patina {
 
 /// Strengths of effects that all points share.
 struct QuadratureState {
-  static constexpr int kAngular = 4, kSpatial = 6;
+  static constexpr int kAngular = 6, kSpatial = 6;
   /// Natural logarithm of a factor on the emission: sum of angular[k] A_k(u, v), (u, v) the sines of the
-  /// direction to the seeing point along the screen's axes, A = u^2, v^2, (u^2 + v^2)^2, v.
+  /// direction to the seeing point along the screen's axes, s their length; A = u^2, v^2, v, and bumps
+  /// exp(-(s - c)^2 / (2 0.15^2)) about c = 0.35, 0.55, 0.75.
   std::array<float, kAngular> angular{};
   /// Likewise over the screen, (X, Y) = place over half extent: X, Y, X^2, X Y, Y^2, (X^2 + Y^2)^2.
   std::array<float, kSpatial> spatial{};
-  /// Light that comes from less than this elevation above the sample's plane doesn't arrive, radians; 0: all
-  /// does.
-  float horizonRad = 0;
+  /// Light is cut below a plane: where toLight . m < horizonSine, m the unit vector along (-tiltX, -tiltY, 1)
+  /// in the sample's frame. No tilt: an elevation all round; a tilt: a neighbour's flank on one side.
+  bool horizon = false;
+  float horizonTiltX = 0, horizonTiltY = 0, horizonSine = 0;
+  float horizonWidth = 0.04f;  ///< of the logistic edge, in toLight . m
   /// The shown value is the wanted one to this power (window included).
   float screenGamma = 1;
 };
@@ -58,9 +61,8 @@ enum LightColumn {  ///< relative to the start of a part's light columns
   kAngularAt = 0,
   kSpatialAt = QuadratureState::kAngular,
   kHorizonAt =
-      kSpatialAt +
-      QuadratureState::kSpatial,  ///< three: horizon of 30, 42, 54 degrees, or its derivative and none
-  kWindowAt = kHorizonAt + 3,     ///< factor log window: half of the screen's gamma
+      kSpatialAt + QuadratureState::kSpatial,  ///< three: trial horizons, or derivatives by tilt X, Y, sine
+  kWindowAt = kHorizonAt + 3,                  ///< factor log window: half of the screen's gamma
 };
 enum DiffuseColumn {
   kDiffuse = 0,
@@ -96,6 +98,9 @@ inline constexpr int kTermStart = kSpecularStart + int{kSpecularCount};
 inline constexpr int kShapeStart = kTermStart + int{kTermCount};
 /// How much to compute: the first alone, those of the point's parameters, all.
 enum Want { kPrediction, kParameters, kEverything };
+/// The log of the emission's factor, in double precision, for other users. `u`, `v`: sines; `x`, `y`: place
+/// over half extent.
+double logEmission(const QuadratureState& state, double u, double v, double x, double y);
 }  // namespace quadrature
 
 /// What all points share: frequencies, screen, tables. Immutable; thread-safe.
@@ -130,8 +135,9 @@ class ScreenQuadrature {
   Harmonics shown_, shownSlope_;                   ///< and d / d gamma
   Eigen::Vector3f up_ = Eigen::Vector3f::UnitZ();  ///< sample's normal in the screen's frame
   Eigen::Vector3f sampleX_, sampleY_;
-  int gridCount_ = 0;                              ///< padded to whole vectors, weight 0
-  std::vector<float> gridX_, gridY_, gridWeight_;  ///< pattern coordinates; weight times window
+  Eigen::Vector3f horizonNormal_, horizonByX_, horizonByY_;  ///< screen frame
+  int gridCount_ = 0;                                        ///< padded to whole vectors, weight 0
+  std::vector<float> gridX_, gridY_, gridWeight_;            ///< pattern coordinates; weight times window
   std::vector<float> gridLogWindow_;
   /// At frequencies beyond what the grid resolves, the lit area's rim is all that the diffuse part still
   /// shows; the fit's own table has it.

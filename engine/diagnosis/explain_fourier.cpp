@@ -1,0 +1,625 @@
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <optional>
+
+#include "engine/diagnosis/explain_kinds.h"
+#include "engine/diagnosis/fourier_corrections.h"
+#include "engine/diagnosis/fourier_findings.h"
+#include "engine/effect/effect_info.h"
+
+namespace patina {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Probability that a chi-square variable exceeds x (Wilson and Hilferty 1931).
+double chiSquareTail(double x, double n) {
+  if (x <= 0 || n <= 0) return 1;
+  const double z = (std::cbrt(x / n) - (1 - 2 / (9 * n))) / std::sqrt(2 / (9 * n));
+  return 0.5 * std::erfc(z / std::sqrt(2.0));
+}
+
+/// Standard deviations that a tail probability stands for; large values by the asymptotic form.
+double sigmasOf(double gain, double n) {
+  const double x = std::max(gain, 0.0);
+  const double z = (std::cbrt(x / n) - (1 - 2 / (9 * n))) / std::sqrt(2 / (9 * n));
+  return z > 6 ? std::sqrt(std::max(0.0, x - n)) : z;
+}
+
+struct Candidate {
+  std::string id;
+  ScoreResult score;
+  double phi = 1, correctedP = 1;
+  bool tried = false, plausible = true;
+  double improvement = 0;  ///< fall of chi2, fitted and held out, minus what its numbers cost
+  double heldGain = 0, heldSd = 0;
+  double heldRms = -1;
+  std::optional<DiagnosisSession> session;
+  RefitResult refit;
+};
+
+/// Uncertainty of a difference of sums over patches, from the patches' scatter.
+double patchSd(const std::vector<double>& a, const std::vector<double>& b) {
+  const std::size_t n = std::min(a.size(), b.size());
+  if (n < 2) return 0;
+  double mean = 0, square = 0;
+  for (std::size_t i = 0; i < n; ++i) mean += (a[i] - b[i]) / static_cast<double>(n);
+  for (std::size_t i = 0; i < n; ++i) square += std::pow(a[i] - b[i] - mean, 2);
+  return std::sqrt(square * static_cast<double>(n) / static_cast<double>(n - 1));
+}
+
+class FourierExplainer {
+ public:
+  FourierExplainer(const std::vector<std::filesystem::path>& bundles, const ExplainOptions& options,
+                   const JobContext& job)
+      : options_(options), job_(job), out_(std::make_shared<Explanation>()) {
+    out_->kind = "fourier";
+    out_->bundles = bundles;
+  }
+
+  Result<ExplanationPtr> run(const std::vector<std::string>* told) {
+    if (const Status ok = fitAll(); !ok) return ok.error();
+    if (told) {
+      if (const Status ok = addTold(*told); !ok) return ok.error();
+    } else {
+      if (const Status ok = search(); !ok) return ok.error();
+    }
+    if (const Status ok = finish(); !ok) return ok.error();
+    return ExplanationPtr(out_);
+  }
+
+ private:
+  void time(const char* stage, Clock::time_point since) {
+    out_->seconds[stage] += std::chrono::duration<double>(Clock::now() - since).count();
+  }
+  Error cancelled() const {
+    return Error{ErrorCode::Cancelled, "cancelled while looking for causes", "", ""};
+  }
+
+  Status fitAll() {
+    const auto start = Clock::now();
+    std::vector<DiagnosisCapture> captures;
+    for (const auto& bundle : out_->bundles) {
+      auto capture = readFourierCapture(bundle, job_);
+      if (!capture) return capture.error();
+      FourierFitOptions fitOptions;
+      fitOptions.size = options_.size;
+      auto fit = fitFourier(*capture, fitOptions, job_);
+      if (!fit) return fit.error();
+      if ((*fit)->stats().cancelled) return cancelled();
+      const int count = std::max(150, options_.testedTexels / static_cast<int>(out_->bundles.size()));
+      auto laid = diagnosisCapture(*fit, count, job_);
+      if (!laid) return laid.error();
+      captures.push_back(std::move(*laid));
+    }
+    session_.emplace(std::move(captures));
+    const FourierFitStats& stats = session_->captures[0].fit->stats();
+    out_->fourierBefore = session_->captures[0].fit;
+    out_->before = {stats.fitRms, stats.holdoutRms};
+    out_->noiseFloorFit = stats.noiseFloorFit;
+    out_->noiseFloorHoldout = stats.noiseFloorHoldout;
+    time("fit", start);
+    const auto residual = Clock::now();
+    job_.progress("residual", 0, 1, "steps");
+    refineSession(*session_, 5, job_);
+    const auto pictures = sessionPictures(*session_, job_);
+    for (std::size_t k = 0; k < pictures.size(); ++k) session_->captures[k].pictures = pictures[k];
+    reweigh();
+    baseError_ = sessionError(*session_, job_);
+    base_.emplace(*session_);
+    out_->chi2Before = baseError_.chi2 / std::max(baseError_.count, 1.0);
+    time("residual", residual);
+    if (job_.cancelled()) return cancelled();
+    return Done{};
+  }
+
+  void reweigh() {
+    for (std::size_t k = 0; k < session_->captures.size(); ++k) {
+      FourierDiagnosisModel model = modelOf(*session_, k);
+      model.setPictures(session_->captures[k].pictures);
+      setRobustWeights(session_->captures[k], model, job_);
+    }
+    refineSession(*session_, 3, job_, false);
+  }
+
+  std::vector<Candidate> score(const ScoreTest& test) const {
+    std::vector<Candidate> all;
+    const ScoreSums total = test.total();
+    for (const EffectInfo* info : effectCatalogue()) {
+      if (!(info->kinds & kFourierKind)) continue;
+      Candidate candidate;
+      candidate.id = std::string(info->id);
+      if (std::ranges::find(added_, candidate.id) != added_.end()) continue;
+      if (test.numbers({candidate.id}).empty()) continue;
+      candidate.score = test.solve({candidate.id}, added_);
+      // Once the effect is in, what is left says how much larger than noise the residual's scatter is.
+      candidate.phi = std::max(1.0, (total.chi2 - candidate.score.gain) / std::max(total.count, 1.0));
+      candidate.correctedP = chiSquareTail(candidate.score.gain / candidate.phi, candidate.score.numbers);
+      all.push_back(std::move(candidate));
+    }
+    for (auto& c : all) c.correctedP = std::min(1.0, c.correctedP * static_cast<double>(all.size()));
+    std::ranges::sort(all, std::greater<>(), [](const Candidate& c) { return c.score.logEvidence / c.phi; });
+    return all;
+  }
+
+  /// Which candidates are worth a refit.
+  std::vector<std::size_t> shortlist(const std::vector<Candidate>& all) const {
+    std::vector<std::size_t> list;
+    double mostGain = 0;
+    for (const auto& c : all) mostGain = std::max(mostGain, c.score.gain);
+    const auto add = [&](std::size_t i) {
+      if (std::ranges::find(list, i) == list.end()) list.push_back(i);
+    };
+    for (std::size_t i = 0; i < all.size() && list.size() < kRefits; ++i)
+      if (all[i].correctedP < options_.falseAlarmRate && all[i].score.logEvidence > 0) add(i);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const Candidate& c = all[i];
+      if (c.correctedP >= options_.falseAlarmRate) continue;
+      // Effects of few numbers whose share is large; those that at zero strength show little of what they do
+      // later.
+      const bool simple = c.score.numbers <= 6 && c.score.gain > 0.6 * mostGain;
+      const bool late = c.id == "self-shadowing" && c.score.gain > 0.25 * mostGain;
+      const bool ordered = c.id == "screen-drift" && c.score.gain > 0.1 * mostGain;
+      if (simple || late || ordered) add(i);
+    }
+    return list;
+  }
+
+  Status search() {
+    for (int round = 0; round <= options_.maxEffects; ++round) {
+      const auto start = Clock::now();
+      job_.progress("score", round, options_.maxEffects + 1, "rounds");
+      ScoreTest test = scoreSession(*session_, {}, job_);
+      if (job_.cancelled()) return cancelled();
+      std::vector<Candidate> all = score(test);
+      time("score", start);
+      if (round == 0) rememberFirst(all);
+      if (round == options_.maxEffects) {
+        last_.emplace(std::move(test));
+        break;
+      }
+      const auto refitting = Clock::now();
+      DiagnosisSession small = thinned(*session_, kRefitSites);
+      const SessionError before = sessionError(small, job_);
+      const std::vector<std::size_t> list = shortlist(all);
+      std::size_t done = 0;
+      for (const std::size_t i : list) {
+        Candidate& c = all[i];
+        DiagnosisSession trial = small;
+        std::vector<std::string> effects = added_;
+        effects.push_back(c.id);
+        c.refit = refitEffects(trial, effects, 5, job_);
+        if (job_.cancelled()) return cancelled();
+        c.tried = true;
+        c.plausible = c.refit.plausible;
+        const double phi = std::max(1.0, c.refit.error.chi2 / std::max(c.refit.error.count, 1.0));
+        c.phi = phi;
+        double numbers = c.score.numbers;
+        if (c.id == "flicker" || c.id == "ambient-drift") numbers += static_cast<double>(heldRows());
+        c.improvement = before.all() - c.refit.error.all() - phi * numbers * kNumberCost;
+        c.heldGain = before.heldChi2 - c.refit.error.heldChi2;
+        if (c.id == "flicker" || c.id == "ambient-drift") c.heldGain -= phi * static_cast<double>(heldRows());
+        c.heldSd = std::max(patchSd(before.heldPatch, c.refit.error.heldPatch),
+                            2 * std::sqrt(phi * std::abs(c.heldGain)));
+        c.heldRms = c.refit.error.first.heldRms;
+        c.session.emplace(std::move(trial));
+        job_.progress("refit", static_cast<std::int64_t>(++done), static_cast<std::int64_t>(list.size()),
+                      "candidates");
+      }
+      time("refit", refitting);
+      Candidate* best = nullptr;
+      for (const std::size_t i : list) {
+        Candidate& c = all[i];
+        if (!acceptable(c)) continue;
+        if (!best || c.improvement > best->improvement) best = &c;
+      }
+      // A named cause before a free form that does hardly better.
+      if (best && best->id == "basis-deviation") {
+        for (const std::size_t i : list) {
+          Candidate& c = all[i];
+          if (&c != best && acceptable(c) && c.improvement > 0.9 * best->improvement &&
+              (best->id == "basis-deviation" || c.improvement > best->improvement))
+            best = &c;
+        }
+      }
+      if (round == 0 && !list.empty()) noteTried(all, list);
+      if (!best) {
+        last_.emplace(std::move(test));
+        break;
+      }
+      noteConfusable(all, list, *best, test);
+      const double share = secondShare(all, list, *best);
+      firstConfidence_.push_back(confidenceOf(*best, share));
+      const std::string id = best->id;
+      scores_[id] = *best;
+      scores_[id].session.reset();
+      // All tested sites, started from the small set's strengths.
+      session_->states = best->session->states;
+      added_.push_back(id);
+      refineSession(*session_, 5, job_, false);
+      refit_ = refitEffects(*session_, added_, 3, job_);
+      plots_[id] = signatureByFrequency(*base_, firstTest(*base_, id), id, job_);
+      reweigh();
+      if (job_.cancelled()) return cancelled();
+    }
+    return Done{};
+  }
+
+  /// The score test of the base for one effect alone, for its signature's picture.
+  ScoreTest firstTest(DiagnosisSession& session, const std::string& id) {
+    return scoreSession(session, wantedFor({id}), job_);
+  }
+
+  bool acceptable(const Candidate& c) const {
+    if (!c.tried || !c.plausible || c.improvement <= kLeastImprovement * c.phi) return false;
+    if (heldRows() == 0) return true;
+    return c.heldGain > 2 * c.heldSd && c.heldGain > kLeastHeldGain * c.phi;
+  }
+
+  std::size_t heldRows() const {
+    std::size_t n = 0;
+    for (const auto& row : session_->captures[0].rows) n += row.holdout;
+    return n;
+  }
+
+  static double secondShare(const std::vector<Candidate>& all, const std::vector<std::size_t>& list,
+                            const Candidate& best) {
+    double second = 0;
+    for (const std::size_t i : list)
+      if (&all[i] != &best && all[i].tried && all[i].plausible) second = std::max(second, all[i].improvement);
+    return best.improvement > 0 ? second / best.improvement : 1;
+  }
+
+  /// From the lead over the second best: its share of the improvement, and in units of noise.
+  static double confidenceOf(const Candidate& best, double secondShare) {
+    const double lead = best.improvement * (1 - secondShare) / best.phi;
+    const double byNoise = 1 - std::exp(-std::max(lead, 0.0) / 20),
+                 byShare = 1 - 0.5 * std::pow(std::clamp(secondShare, 0.0, 1.0), 8);
+    return std::clamp(byNoise * byShare, 0.05, 0.99);
+  }
+
+  void noteConfusable(const std::vector<Candidate>& all, const std::vector<std::size_t>& list,
+                      const Candidate& best, const ScoreTest& test) {
+    std::vector<std::pair<double, std::string>> others;
+    for (const std::size_t i : list) {
+      const Candidate& c = all[i];
+      if (&c == &best || !c.tried || !c.plausible || c.id == "basis-deviation") continue;
+      const double gap = best.improvement - c.improvement;
+      const bool close = gap < 15 * best.phi || c.improvement > 0.97 * best.improvement;
+      if (close && test.correlation(best.id, c.id) > 0.5) others.push_back({gap, c.id});
+    }
+    if (others.empty()) return;
+    std::ranges::sort(others);
+    std::vector<std::string> group = {best.id};
+    for (const auto& [gap, id] : others)
+      if (group.size() < 3) group.push_back(id);
+    out_->suggest.push_back(suggestCapture(group[0], group[1]));
+    out_->confusable.push_back(std::move(group));
+  }
+
+  void rememberFirst(const std::vector<Candidate>& all) {
+    for (const Candidate& c : all) {
+      EffectFinding finding;
+      finding.id = c.id;
+      finding.sigmas = sigmasOf(c.score.gain / c.phi, c.score.numbers);
+      finding.correctedP = c.correctedP;
+      const double excess = std::max(baseError_.chi2 - baseError_.count, 1.0);
+      finding.explained = std::clamp(c.score.gain / excess, 0.0, 1.0);
+      if (c.correctedP >= options_.falseAlarmRate)
+        finding.verdict = "Not needed: the photographs show no more of it than noise would.";
+      else
+        finding.verdict = "The score test sees something like it, but others explain the residual better.";
+      out_->considered.push_back(std::move(finding));
+    }
+  }
+
+  void noteTried(const std::vector<Candidate>& all, const std::vector<std::size_t>& list) {
+    for (const std::size_t i : list) {
+      const Candidate& c = all[i];
+      for (auto& finding : out_->considered) {
+        if (finding.id != c.id) continue;
+        finding.holdoutRmsWith = c.heldRms;
+        finding.holdoutRmsWithout = baseError_.first.heldRms;
+        if (!c.plausible)
+          finding.verdict = "It would need a strength that no rig or sample has.";
+        else if (!acceptable(c))
+          finding.verdict =
+              "Refitted with it, photographs that the fit never saw are not predicted better beyond the "
+              "uncertainty.";
+        else
+          finding.verdict = "It would help, but another effect explains the residual better.";
+      }
+    }
+  }
+
+  Status addTold(const std::vector<std::string>& ids) {
+    const auto start = Clock::now();
+    added_ = ids;
+    if (ids.empty()) return Done{};
+    DiagnosisSession small = thinned(*session_, kRefitSites);
+    refitEffects(small, ids, 6, job_);
+    session_->states = small.states;
+    refineSession(*session_, 5, job_, false);
+    refit_ = refitEffects(*session_, ids, 4, job_);
+    for (const auto& id : ids) {
+      plots_[id] = signatureByFrequency(*base_, firstTest(*base_, id), id, job_);
+      firstConfidence_.push_back(1);
+    }
+    if (job_.cancelled()) return cancelled();
+    last_.emplace(scoreSession(*session_, {}, job_));
+    time("refit", start);
+    return Done{};
+  }
+
+  /// Effects that turn out not to be needed once others are in.
+  void dropUnneeded() {
+    if (added_.size() < 2) return;
+    DiagnosisSession small = thinned(*session_, kRefitSites);
+    const SessionError with = sessionError(small, job_);
+    withoutRms_.clear();
+    for (std::size_t k = 0; k < added_.size() && added_.size() > 1;) {
+      std::vector<std::string> others = added_;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+      DiagnosisSession trial = thinned(*base_, kRefitSites);
+      for (std::size_t c = 0; c < trial.captures.size(); ++c)
+        for (std::size_t i = 0; i < trial.captures[c].sites.size(); ++i)
+          trial.captures[c].sites[i].robust = small.captures[c].sites[i].robust;
+      RefitResult refit = refitEffects(trial, others, 5, job_);
+      if (job_.cancelled()) return;
+      const double phi = std::max(1.0, with.chi2 / std::max(with.count, 1.0));
+      const double loss = refit.error.all() - with.all();
+      withoutRms_[added_[k]] = refit.error.first.heldRms;
+      if (loss < kLeastImprovement * phi) {
+        dropped_.push_back(added_[k]);
+        added_ = others;
+        session_->states = trial.states;
+        refineSession(*session_, 5, job_, false);
+        refit_ = refitEffects(*session_, added_, 3, job_);
+        small = thinned(*session_, kRefitSites);
+        continue;
+      }
+      ++k;
+    }
+  }
+
+  Status finish() {
+    const auto start = Clock::now();
+    dropUnneeded();
+    if (job_.cancelled()) return cancelled();
+    const SessionError after = sessionError(*session_, job_);
+    out_->chi2After = after.count > 0 ? after.chi2 / after.count : 0;
+    if (!last_) last_.emplace(scoreSession(*session_, {}, job_));
+    const double phi = std::max(1.0, out_->chi2After);
+    time("residual", start);
+
+    const auto maps = Clock::now();
+    out_->fourierAfter = out_->fourierBefore;
+    out_->after = out_->before;
+    if (!added_.empty()) {
+      job_.progress("maps", 0, 1, "steps");
+      auto corrected = correctCapture(*session_, 0, job_);
+      if (!corrected) return corrected.error();
+      FourierFitOptions fitOptions;
+      fitOptions.size = options_.size;
+      fitOptions.corrections = corrected->corrections;
+      auto fit = fitFourier(corrected->capture, fitOptions, job_);
+      if (!fit) return fit.error();
+      if ((*fit)->stats().cancelled) return cancelled();
+      out_->fourierAfter = *fit;
+      out_->after = {(*fit)->stats().fitRms, (*fit)->stats().holdoutRms};
+    }
+    time("maps", maps);
+
+    // Strongest first; the free form, which names nothing, last.
+    std::vector<std::string> order = added_;
+    std::ranges::stable_sort(order, {}, [&](const std::string& id) {
+      const double weight = scores_.contains(id) ? scores_[id].improvement : 0;
+      return (id == "basis-deviation" ? 1e18 : 0) - weight;
+    });
+    for (const std::string& id : order) {
+      EffectFinding finding;
+      for (auto it = out_->considered.begin(); it != out_->considered.end(); ++it) {
+        if (it->id != id) continue;
+        finding = *it;
+        out_->considered.erase(it);
+        break;
+      }
+      finding.id = id;
+      finding.added = true;
+      finding.verdict = "Added: photographs that the fit never saw are predicted better with it.";
+      finding.parameters = effectParameters(*session_, id, &refit_);
+      finding.sentence = effectSentence(id, finding.parameters);
+      const auto at = static_cast<std::size_t>(std::ranges::find(added_, id) - added_.begin());
+      finding.confidence = at < firstConfidence_.size() ? firstConfidence_[at] : 0.5;
+      finding.holdoutRmsWith = out_->after.holdoutRms;
+      finding.holdoutRmsWithout = added_.size() == 1         ? out_->before.holdoutRms
+                                  : withoutRms_.contains(id) ? withoutRms_[id]
+                                                             : out_->before.holdoutRms;
+      finding.curves = effectCurves(*session_, id);
+      finding.maps = effectMaps(*session_, id);
+      if (plots_.contains(id) && !plots_[id].x.empty()) finding.plots.push_back(plots_[id]);
+      out_->effects.push_back(std::move(finding));
+    }
+    for (auto& finding : out_->considered)
+      if (std::ranges::find(dropped_, finding.id) != dropped_.end())
+        finding.verdict = "Added at first, and dropped: with the others in, it isn't needed.";
+    out_->budget = effectBudget(*session_, *last_, added_, phi);
+
+    const double floor2 = std::pow(out_->noiseFloorHoldout, 2);
+    const bool held = out_->before.holdoutRms >= 0;
+    const double before2 = std::pow(held ? out_->before.holdoutRms : out_->before.fitRms, 2),
+                 after2 = std::pow(held ? out_->after.holdoutRms : out_->after.fitRms, 2);
+    const double floorHere = held ? floor2 : std::pow(out_->noiseFloorFit, 2);
+    // A residual within 3 % of the noise has no energy to speak of.
+    out_->unexplained.fraction =
+        before2 > 1.06 * floorHere ? std::clamp((after2 - floorHere) / (before2 - floorHere), 0.0, 1.0) : 0;
+    out_->unexplained.description = describeRest(session_->captures[0], after.first);
+    if (added_.empty() && out_->chi2Before < 1.1)
+      out_->remarks.push_back(
+          "Nothing is missing that these photographs could show: the standard model predicts them to their "
+          "noise.");
+    if (out_->chi2After > 1.3)
+      out_->remarks.push_back("Something is missing that has no name here: " + out_->unexplained.description);
+    out_->breakdowns = residualBreakdowns(session_->captures[0], baseError_.first, after.first);
+    photoLists(after);
+    if (options_.pictures) pictures();
+    return Done{};
+  }
+
+  void photoLists(const SessionError& after) {
+    const DiagnosisCapture& capture = session_->captures[0];
+    for (std::size_t r = 0; r < capture.rowCount(); ++r) {
+      const DiagnosisRow& row = capture.rows[r];
+      if (row.photo < 0 || baseError_.first.rowCount[r] <= 0) continue;
+      PhotoResidual photo;
+      photo.photo = row.photo;
+      const FourierPhoto& source = capture.state->capture.photos[static_cast<std::size_t>(row.photo)];
+      photo.file = source.file;
+      photo.what = row.frequency < 0
+                       ? "window"
+                       : "pattern (" + std::to_string(source.frequency.x()) + ", " +
+                             std::to_string(source.frequency.y()) + ") phase " + std::to_string(source.phase);
+      photo.holdout = row.holdout;
+      photo.noise = baseError_.first.rowNoise[r];
+      photo.before = photo.noise * std::sqrt(baseError_.first.rowChi2[r] / baseError_.first.rowCount[r]);
+      photo.after = after.first.rowCount[r] > 0
+                        ? photo.noise * std::sqrt(after.first.rowChi2[r] / after.first.rowCount[r])
+                        : photo.before;
+      out_->photos.push_back(std::move(photo));
+    }
+    std::ranges::sort(out_->photos, std::greater<>(),
+                      [](const PhotoResidual& p) { return p.noise > 0 ? p.before / p.noise : 0; });
+  }
+
+  /// Every site before and after: where the residual lies, and a few photographs beside their predictions.
+  void pictures() {
+    const DiagnosisCapture& capture = session_->captures[0];
+    const FourierFitState& beforeFit = *base_->captures[0].state;
+    const FourierFitState& afterFit = fitState(*out_->fourierAfter);
+    const SiteSet& set = beforeFit.measurements.sites;
+    if (set.size() > 150000 || afterFit.sites.size() != set.size()) return;
+    std::vector<std::size_t> rows;
+    for (const auto& photo : out_->photos) {
+      for (std::size_t r = 0; r < capture.rowCount(); ++r)
+        if (capture.rows[r].photo == photo.photo) rows.push_back(r);
+      if (rows.size() >= 4) break;
+    }
+    out_->placeBefore = Image(set.imageWidth, set.imageHeight, 1);
+    out_->placeAfter = Image(set.imageWidth, set.imageHeight, 1);
+    for (const std::size_t r : rows) {
+      ResidualPicture picture;
+      picture.photo = capture.rows[r].photo;
+      picture.file = beforeFit.capture.photos[static_cast<std::size_t>(picture.photo)].file;
+      for (Image* image :
+           {&picture.captured, &picture.predictedBefore, &picture.predictedAfter, &picture.noiseSigma})
+        *image = Image(set.imageWidth, set.imageHeight, 3);
+      out_->pictures.push_back(std::move(picture));
+    }
+    std::vector<std::vector<std::int32_t>> pixels(set.size());
+    for (std::size_t p = 0; p < set.siteOfPixel.size(); ++p)
+      if (set.siteOfPixel[p] >= 0)
+        pixels[static_cast<std::size_t>(set.siteOfPixel[p])].push_back(static_cast<std::int32_t>(p));
+    FourierDiagnosisModel plain = modelOf(*base_, 0), full = modelOf(*session_, 0);
+    full.setPictures(capture.pictures);
+    tbb::parallel_for(std::size_t{0}, (set.size() + 63) / 64, [&](std::size_t chunk) {
+      if (job_.cancelled()) return;
+      SiteColumns a, b;
+      for (std::size_t s = chunk * 64; s < std::min(set.size(), chunk * 64 + 64); ++s) {
+        const TexelStatus status = beforeFit.siteStatus[s];
+        if (status == TexelStatus::Failed || status == TexelStatus::Clipped ||
+            status == TexelStatus::NotMeasured)
+          continue;
+        DiagnosisSite site;
+        site.site = s;
+        site.cluster = capture.clusterOfSite[s];
+        loadSite(capture, site);
+        plain.evaluate(site, quadrature::kPrediction, a);
+        if (!added_.empty() && !capture.knownLambertian) {
+          site.model = quadratureSite(afterFit, s);
+          site.model.geometry = beforeFit.geometry(s);
+          site.diffuse = afterFit.sites[s].diffuse;
+          site.specular = afterFit.sites[s].specular;
+        }
+        full.evaluate(site, quadrature::kPrediction, b);
+        double before = 0, after = 0, count = 0;
+        for (std::size_t r = 0; r < capture.rowCount(); ++r) {
+          for (std::size_t c = 0; c < 3; ++c) {
+            const double w = site.weight[r * 3 + c];
+            if (w <= 0) continue;
+            before += w * std::pow(site.measured[r * 3 + c] - a.predicted[r * 3 + c], 2);
+            after += w * std::pow(site.measured[r * 3 + c] - b.predicted[r * 3 + c], 2);
+            ++count;
+          }
+        }
+        for (const std::int32_t pixel : pixels[s]) {
+          const int x = pixel % set.imageWidth, y = pixel / set.imageWidth;
+          out_->placeBefore.at(x, y) = static_cast<float>(before / std::max(count, 1.0));
+          out_->placeAfter.at(x, y) = static_cast<float>(after / std::max(count, 1.0));
+          for (std::size_t k = 0; k < rows.size(); ++k) {
+            for (int c = 0; c < 3; ++c) {
+              const std::size_t at = rows[k] * 3 + static_cast<std::size_t>(c);
+              out_->pictures[k].captured.at(x, y, c) = site.measured[at];
+              out_->pictures[k].predictedBefore.at(x, y, c) = a.predicted[at];
+              out_->pictures[k].predictedAfter.at(x, y, c) = b.predicted[at];
+              out_->pictures[k].noiseSigma.at(x, y, c) =
+                  site.weight[at] > 0 ? 1 / std::sqrt(site.weight[at]) : 0;
+            }
+          }
+        }
+      }
+    });
+  }
+
+  static constexpr std::size_t kRefits = 6, kRefitSites = 260;
+  static constexpr double kNumberCost = 4;  ///< chi2 that a number must earn
+  static constexpr double kLeastImprovement = 25, kLeastHeldGain = 6;
+
+  ExplainOptions options_;
+  JobContext job_;
+  std::shared_ptr<Explanation> out_;
+  std::optional<DiagnosisSession> session_, base_;
+  SessionError baseError_;
+  std::vector<std::string> added_, dropped_;
+  std::vector<double> firstConfidence_;
+  std::map<std::string, Candidate> scores_;
+  std::map<std::string, SignaturePlot> plots_;
+  std::map<std::string, double> withoutRms_;
+  std::optional<ScoreTest> last_;
+  RefitResult refit_;
+};
+
+Result<ExplanationPtr> runExplainer(const std::vector<std::filesystem::path>& bundles,
+                                    const std::vector<std::string>* told, const ExplainOptions& options,
+                                    const JobContext& job) {
+  tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
+  std::optional<Result<ExplanationPtr>> result;
+  const auto start = Clock::now();
+  arena.execute([&] {
+    FourierExplainer explainer(bundles, options, job);
+    result.emplace(explainer.run(told));
+  });
+  if (*result)
+    std::const_pointer_cast<Explanation>(**result)->seconds["total"] =
+        std::chrono::duration<double>(Clock::now() - start).count();
+  return *result;
+}
+
+}  // namespace
+
+Result<ExplanationPtr> explainFourier(const std::vector<std::filesystem::path>& bundles,
+                                      const ExplainOptions& options, const JobContext& job) {
+  return runExplainer(bundles, nullptr, options, job);
+}
+
+Result<ExplanationPtr> explainFourierWith(const std::vector<std::filesystem::path>& bundles,
+                                          const std::vector<std::string>& ids, const ExplainOptions& options,
+                                          const JobContext& job) {
+  return runExplainer(bundles, &ids, options, job);
+}
+
+}  // namespace patina
