@@ -80,6 +80,9 @@ int runProgram(int argc, char** argv) {
   addDemoVerb(program, context);
 #endif
   addFitVerb(program, context);
+#ifdef PATINA_HAS_EXPLAIN
+  addExplainVerb(program, context);
+#endif
   addBrdfVerb(program, context);
   addPlanVerb(program, context);
   addExpectVerb(program, context);

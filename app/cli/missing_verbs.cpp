@@ -7,11 +7,14 @@ void addMissingVerbs(CLI::App& program, Context& context) {
     const char* name;
     const char* does;
   };
-  static constexpr Missing kMissing[] = {{"explain", "finding out which effect a fit misses"},
-                                         {"calibrate", "calibrating a rig from photographs"},
-                                         {"capture", "capturing with a rig"},
-                                         {"render", "rendering a fit"},
-                                         {"export", "exporting for other programs"}};
+  static constexpr Missing kMissing[] = {
+#ifndef PATINA_HAS_EXPLAIN
+      {"explain", "finding out which effect a fit misses"},
+#endif
+      {"calibrate", "calibrating a rig from photographs"},
+      {"capture", "capturing with a rig"},
+      {"render", "rendering a fit"},
+      {"export", "exporting for other programs"}};
   for (const Missing& missing : kMissing) {
     CLI::App* verb = program.add_subcommand(missing.name, "");
     verb->group("");  // not listed

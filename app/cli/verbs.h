@@ -46,6 +46,7 @@ struct Context {
 void addCommonOptions(CLI::App& verb, Context& context);
 
 void addFitVerb(CLI::App& program, Context& context);
+void addExplainVerb(CLI::App& program, Context& context);  // explain.cpp
 void addBrdfVerb(CLI::App& program, Context& context);  // brdf.cpp
 void addDemoVerb(CLI::App& program, Context& context);  // demo.cpp
 void addPlanVerb(CLI::App& program, Context& context);

@@ -88,8 +88,9 @@ std::function<Status(const JobContext&)> ExplainController::saveWork(const QStri
 
 void ExplainController::adopt(Explained found) {
   saved_ = false;
-  page_->setExplanation(std::move(found.explanation), std::move(found.views),
-                        static_cast<bool>(services_.explainWith));
+  // The engine fits with effects of the person's choice where screen patterns lit the sample.
+  const bool mayRefit = services_.explainWith && found.explanation->kind == "fourier";
+  page_->setExplanation(std::move(found.explanation), std::move(found.views), mayRefit);
 }
 
 ExplanationPtr ExplainController::explanation() const {
