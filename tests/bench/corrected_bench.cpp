@@ -130,6 +130,14 @@ void extra(FourierCorrections& c, const FourierCapture&) {
   };
 }
 
+void stretched(FourierCorrections& c, const FourierCapture&) {
+  c.lobeTerms = std::make_shared<const std::vector<LobeTerms>>(1, LobeTerms{{0.02f, 0.01f}, 0, 1});
+}
+
+void third(FourierCorrections& c, const FourierCapture&) {
+  c.lobeTerms = std::make_shared<const std::vector<LobeTerms>>(1, LobeTerms{{0.02f, 0.01f}, 0.02f, 4});
+}
+
 #define PATINA_CORRECTED(NAME, WARM, FILL)           \
   void BM_Corrected##NAME(benchmark::State& state) { \
     correctedFit(state, WARM, FILL);                 \
@@ -144,6 +152,10 @@ PATINA_CORRECTED(EmissionTwice, false, emission);
 PATINA_CORRECTED(Height, false, height);
 PATINA_CORRECTED(HeightFromThePlainFit, true, height);
 PATINA_CORRECTED(ExtraFromThePlainFit, true, extra);
+PATINA_CORRECTED(Stretched, false, stretched);
+PATINA_CORRECTED(StretchedFromThePlainFit, true, stretched);
+PATINA_CORRECTED(StretchedAndThird, false, third);
+PATINA_CORRECTED(StretchedAndThirdFromThePlainFit, true, third);
 #undef PATINA_CORRECTED
 
 }  // namespace
