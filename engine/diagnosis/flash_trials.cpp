@@ -213,9 +213,24 @@ FlashGain gainOf(const FlashErrors& before, const FlashErrors& after) {
     const double sd = std::sqrt(squares / (count * (count - 1)));
     return sd > 0 ? mean / sd : 0.0;
   };
-  gain.sigmas = std::min(
-      certainty(before.squares.rowwise().sum(), after.squares.rowwise().sum()),
-      certainty(before.squares.colwise().sum().transpose(), after.squares.colwise().sum().transpose()));
+  // An effect of one material of several gains on few blocks, but much: for it the sums say more.
+  const auto certaintyOfSum = [](const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
+    double count = 0, squares = 0;
+    for (Eigen::Index i = 0; i < from.size(); ++i) count += from[i] > 0;
+    if (count < 2) return 0.0;
+    const double mean = (from - to).sum() / count;
+    for (Eigen::Index i = 0; i < from.size(); ++i)
+      if (from[i] > 0) squares += (from[i] - to[i] - mean) * (from[i] - to[i] - mean);
+    const double sd = std::sqrt(squares * count / (count - 1));
+    return sd > 0 ? count * mean / sd : 0.0;
+  };
+  const Eigen::VectorXd photosBefore = before.squares.rowwise().sum(),
+                        photosAfter = after.squares.rowwise().sum();
+  const Eigen::VectorXd blocksBefore = before.squares.colwise().sum().transpose(),
+                        blocksAfter = after.squares.colwise().sum().transpose();
+  gain.sigmas = std::max(
+      std::min(certainty(photosBefore, photosAfter), certainty(blocksBefore, blocksAfter)),
+      std::min(certaintyOfSum(photosBefore, photosAfter), certaintyOfSum(blocksBefore, blocksAfter)));
   return gain;
 }
 

@@ -38,7 +38,9 @@ void keepInside(FlashModel& model) {
   for (FlashMaterial& material : model.materials) {
     FlashLobe& lobe = material.lobe;
     lobe.logSigma = std::clamp(lobe.logSigma, std::log(0.005), std::log(2.0));
-    lobe.logKurtosis = std::clamp(lobe.logKurtosis, -1.4, 1.4);
+    // Beyond, the narrow Gaussian is a spike between the photographs' few directions: no evidence for it, and
+    // absurd predictions where one more photograph hits it.
+    lobe.logKurtosis = std::clamp(lobe.logKurtosis, -0.7, 0.7);
     lobe.thirdShare = std::clamp(lobe.thirdShare, 0.0, 0.9);
     lobe.logThirdRatio = std::clamp(lobe.logThirdRatio, std::log(1.3), std::log(12.0));
     for (double& d : lobe.deviation) d = std::clamp(d, -3.0, 3.0);

@@ -63,7 +63,7 @@ std::vector<FlashUnknown> lobeUnknowns(const FlashModel& model) {
   std::vector<FlashUnknown> unknowns;
   for (int m = 0; m < static_cast<int>(model.materials.size()); ++m) {
     unknowns.push_back({FlashUnknown::Kind::Sigma, m, -1, 0, 0.8, std::log(0.2), 1e-4});
-    unknowns.push_back({FlashUnknown::Kind::Kurtosis, m, -1, 0, 0.4, 0.2, 1e-4});
+    unknowns.push_back({FlashUnknown::Kind::Kurtosis, m, -1, 0, 0.2, 0.2, 1e-4});
   }
   return unknowns;
 }

@@ -1,5 +1,6 @@
 #include "engine/flash/materials.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -75,6 +76,34 @@ Clusters cluster(const std::vector<Eigen::Vector3d>& points, int count) {
     if (!changed && iteration > 0) break;
   }
   return result;
+}
+
+/// Minus the logarithm of the evidence for a material's shared numbers, texels integrated out (Laplace). A
+/// lobe so narrow that every texel must turn its normal to the photographs' directions fits as well as the
+/// right one; the turning is what counts against it.
+double surpriseOf(const JointState& state, const FlashSample& sample, int m,
+                  const std::vector<char>& photos) {
+  const FlashMaterial& material = state.model.materials[static_cast<std::size_t>(m)];
+  const auto prior = material.covariance.llt();
+  const double spread = prior.matrixLLT().diagonal().array().log().sum();
+  double sum = 0;
+  for (std::size_t s = 0; s < sample.sites.size(); ++s) {
+    const FlashSite& site = sample.sites[s];
+    if (site.material != m) continue;
+    const TexelVector d = state.x[s] - material.mean;
+    sum += 0.5 * d.dot(prior.solve(d)) + spread +
+           state.information[s].llt().matrixLLT().diagonal().array().log().sum();
+    for (const FlashObservation& seen : site.seen) {
+      if (!photos[static_cast<std::size_t>(seen.photo)]) continue;
+      const SeenPrediction p = predictSeen(state.model, m, seen, state.x[s], false);
+      for (int c = 0; c < 3; ++c) {
+        const double sd = scatterOf(seen, c, p.value[c], material.discrepancy);
+        const bool clipped = (seen.clipped >> c) & 1;
+        sum += misfitOf(p.value[c], seen.value[c], sd, clipped).cost + (clipped ? 0 : std::log(sd));
+      }
+    }
+  }
+  return sum;
 }
 
 }  // namespace
@@ -204,32 +233,19 @@ JointState fitShared(const FlashData& data, FlashSample& sample, const FlashPale
     job.progress("solve", ++done, 5, "starts");
     if (job.cancelled()) return tries.front();
   }
-  // Materials don't share anything but the rig yet: each takes its own best start, judged by squared errors
-  // relative to value (the costs are in each start's own noise).
+  // Materials don't share anything but the rig yet: each takes its own best start.
   JointState best = tries.front();
   for (std::size_t m = 0; m < best.model.materials.size(); ++m) {
     double least = 1e300;
     for (const JointState& state : tries) {
-      double squares = 0, values = 1e-20;
-      for (std::size_t s = 0; s < sample.sites.size(); ++s) {
-        const FlashSite& site = sample.sites[s];
-        if (site.material != static_cast<int>(m)) continue;
-        for (const FlashObservation& seen : site.seen) {
-          if (!photos[static_cast<std::size_t>(seen.photo)]) continue;
-          const SeenPrediction p = predictSeen(state.model, site.material, seen, state.x[s], false);
-          for (int c = 0; c < 3; ++c) {
-            const bool clipped = (seen.clipped >> c) & 1;
-            const double d = clipped ? std::min(0.0, p.value[c] - seen.value[c]) : p.value[c] - seen.value[c];
-            squares += d * d / seen.value[c], values += seen.value[c];
-          }
-        }
-      }
-      if (squares / values >= least) continue;
-      least = squares / values;
+      const double surprise = surpriseOf(state, sample, static_cast<int>(m), photos);
+      if (!(surprise < least)) continue;
+      least = surprise;
       best.model.materials[m] = state.model.materials[m];
-      for (std::size_t s = 0; s < sample.sites.size(); ++s)
-        if (sample.sites[s].material == static_cast<int>(m))
-          best.x[s] = state.x[s], best.information[s] = state.information[s];
+      for (std::size_t s = 0; s < sample.sites.size(); ++s) {
+        if (sample.sites[s].material != static_cast<int>(m)) continue;
+        best.x[s] = state.x[s], best.information[s] = state.information[s];
+      }
     }
   }
   options.effects = effects;

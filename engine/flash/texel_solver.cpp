@@ -10,7 +10,7 @@ namespace patina {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kFreedom = 4;  ///< of Student's t
+constexpr double kFreedom = 10;  ///< of Student's t
 constexpr double kSlopeStep = 1e-4;
 /// Beyond, an albedo or slope is nonsense, and exp() soon infinite.
 constexpr double kLargestLog = 8, kSmallestLog = -16, kLargestSlope = 3;

@@ -53,7 +53,7 @@ SeenPrediction predictSeen(const FlashModel& model, int material, const FlashObs
 struct Misfit {
   double residual = 0, perValue = 0, weight = 1, cost = 0;
 };
-/// sd: standard deviation of the observation. Student's t with four degrees of freedom: sparkles and bad
+/// sd: standard deviation of the observation. Student's t with ten degrees of freedom: sparkles and bad
 /// pixels don't pull.
 Misfit misfitOf(double predicted, double seen, double sd, bool clipped);
 /// Standard deviation of one observation: sensor and what the model lacks, the latter relative to the mean of
