@@ -186,14 +186,26 @@ class FourierExplainer {
       const auto refitting = Clock::now();
       DiagnosisSession small = thinned(*session_, kRefitSites);
       const SessionError before = sessionError(small, job_);
+      if (round == 0) {
+        firstExcess_ = std::max(0.0, before.all() - before.count - before.heldCount);
+        firstHeldExcess_ = std::max(0.0, before.heldChi2 - before.heldCount);
+      }
       const std::vector<std::size_t> list = shortlist(all);
       std::size_t done = 0;
+      double mostImprovement = 0;
       for (const std::size_t i : list) {
         Candidate& c = all[i];
+        // First order tells more than the truth for weak effects and less for strong ones, but not by so
+        // much.
+        const double share = static_cast<double>(kRefitSites) / static_cast<double>(std::max<std::size_t>(
+                                                                    session_->captures[0].sites.size(), 1));
+        if (c.id != "self-shadowing" && c.id != "screen-drift" &&
+            2 * c.score.gain * std::min(1.0, share) < mostImprovement)
+          continue;
         DiagnosisSession trial = small;
         std::vector<std::string> effects = added_;
         effects.push_back(c.id);
-        c.refit = refitEffects(trial, effects, 5, job_);
+        c.refit = refitEffects(trial, effects, 4, job_);
         if (job_.cancelled()) return cancelled();
         c.tried = true;
         c.plausible = c.refit.plausible;
@@ -207,6 +219,7 @@ class FourierExplainer {
         c.heldSd = std::max(patchSd(before.heldPatch, c.refit.error.heldPatch),
                             2 * std::sqrt(phi * std::abs(c.heldGain)));
         c.heldRms = c.refit.error.first.heldRms;
+        if (c.plausible) mostImprovement = std::max(mostImprovement, c.improvement);
         c.session.emplace(std::move(trial));
         job_.progress("refit", static_cast<std::int64_t>(++done), static_cast<std::int64_t>(list.size()),
                       "candidates");
@@ -241,22 +254,30 @@ class FourierExplainer {
       // All tested sites, started from the small set's strengths.
       session_->states = best->session->states;
       added_.push_back(id);
+      DiagnosisSession middle = thinned(*session_, kFinalSites);
+      refineSession(middle, 4, job_, false);
+      refit_ = refitEffects(middle, added_, 6, job_);
+      session_->states = middle.states;
       refineSession(*session_, 5, job_, false);
-      refit_ = refitEffects(*session_, added_, 3, job_);
-      plots_[id] = signatureByFrequency(*base_, firstTest(*base_, id), id, job_);
+      plots_[id] = signature(id);
       reweigh();
       if (job_.cancelled()) return cancelled();
     }
     return Done{};
   }
 
-  /// The score test of the base for one effect alone, for its signature's picture.
-  ScoreTest firstTest(DiagnosisSession& session, const std::string& id) {
-    return scoreSession(session, wantedFor({id}), job_);
+  /// Of one effect alone, against the base, for its picture.
+  SignaturePlot signature(const std::string& id) {
+    DiagnosisSession few = thinned(*base_, 120);
+    const ScoreTest test = scoreSession(few, wantedFor({id}), job_);
+    return signatureByFrequency(few, test, id, job_);
   }
 
   bool acceptable(const Candidate& c) const {
     if (!c.tried || !c.plausible || c.improvement <= kLeastImprovement * c.phi) return false;
+    // What has been added is itself modelled to some part in a hundred: less than that of the residual that
+    // there was may be its shadow.
+    if (c.improvement < kShadow * firstExcess_ || c.heldGain < kShadow * firstHeldExcess_) return false;
     if (heldRows() == 0) return true;
     return c.heldGain > 2 * c.heldSd && c.heldGain > kLeastHeldGain * c.phi;
   }
@@ -344,10 +365,13 @@ class FourierExplainer {
     DiagnosisSession small = thinned(*session_, kRefitSites);
     refitEffects(small, ids, 6, job_);
     session_->states = small.states;
+    DiagnosisSession middle = thinned(*session_, kFinalSites);
+    refineSession(middle, 4, job_, false);
+    refit_ = refitEffects(middle, ids, 6, job_);
+    session_->states = middle.states;
     refineSession(*session_, 5, job_, false);
-    refit_ = refitEffects(*session_, ids, 4, job_);
     for (const auto& id : ids) {
-      plots_[id] = signatureByFrequency(*base_, firstTest(*base_, id), id, job_);
+      plots_[id] = signature(id);
       firstConfidence_.push_back(1);
     }
     if (job_.cancelled()) return cancelled();
@@ -365,21 +389,20 @@ class FourierExplainer {
     for (std::size_t k = 0; k < added_.size() && added_.size() > 1;) {
       std::vector<std::string> others = added_;
       others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
-      DiagnosisSession trial = thinned(*base_, kRefitSites);
-      for (std::size_t c = 0; c < trial.captures.size(); ++c)
-        for (std::size_t i = 0; i < trial.captures[c].sites.size(); ++i)
-          trial.captures[c].sites[i].robust = small.captures[c].sites[i].robust;
-      RefitResult refit = refitEffects(trial, others, 5, job_);
+      DiagnosisSession trial = small;
+      resetEffect(trial, added_[k]);
+      refineSession(trial, 4, job_, false);
+      RefitResult refit = refitEffects(trial, others, 3, job_);
       if (job_.cancelled()) return;
       const double phi = std::max(1.0, with.chi2 / std::max(with.count, 1.0));
       const double loss = refit.error.all() - with.all();
       withoutRms_[added_[k]] = refit.error.first.heldRms;
-      if (loss < kLeastImprovement * phi) {
+      if (loss < std::max(kLeastImprovement * phi, kShadow * firstExcess_)) {
         dropped_.push_back(added_[k]);
         added_ = others;
         session_->states = trial.states;
         refineSession(*session_, 5, job_, false);
-        refit_ = refitEffects(*session_, added_, 3, job_);
+        refit_ = refit;
         small = thinned(*session_, kRefitSites);
         continue;
       }
@@ -575,15 +598,17 @@ class FourierExplainer {
     });
   }
 
-  static constexpr std::size_t kRefits = 6, kRefitSites = 260;
+  static constexpr std::size_t kRefits = 6, kRefitSites = 150, kFinalSites = 400;
   static constexpr double kNumberCost = 4;  ///< chi2 that a number must earn
   static constexpr double kLeastImprovement = 25, kLeastHeldGain = 6;
+  static constexpr double kShadow = 0.015;
 
   ExplainOptions options_;
   JobContext job_;
   std::shared_ptr<Explanation> out_;
   std::optional<DiagnosisSession> session_, base_;
   SessionError baseError_;
+  double firstExcess_ = 0, firstHeldExcess_ = 0;
   std::vector<std::string> added_, dropped_;
   std::vector<double> firstConfidence_;
   std::map<std::string, Candidate> scores_;

@@ -11,6 +11,8 @@
 
 #include "engine/base/text.h"
 #include "engine/diagnosis/explain_kinds.h"
+#include "engine/diagnosis/two_shot_explain.h"
+#include "engine/diagnosis/two_shot_judge.h"
 #include "engine/diagnosis/two_shot_residual.h"
 #include "engine/diagnosis/two_shot_search.h"
 #include "engine/diagnosis/two_shot_surface.h"
@@ -23,61 +25,21 @@ namespace {
 
 /// Rows a photograph: enough for a highlight, few enough for a covariance of all of them.
 constexpr int kRowsPerShot = 110;
-/// ln of the odds that an effect must have gained, beyond the number of effects tried and the false-alarm
-/// rate: what the model of deviations from the basis may itself be wrong by (measured materials outside of
-/// the basis).
-constexpr double kModelDoubt = 8;
 /// Gained by a rough fit before a thorough one is worth its time.
 constexpr double kWorthRefining = 3;
 constexpr int kRefined = 5;
-/// A term of the surface must take this off the error of the photographs that were fitted and of those held
-/// out; without any held out, the second bound is for the fitted ones.
-constexpr double kSurfaceFit = 0.6, kSurfaceHeld = 0.9, kSurfaceFitAlone = 0.35;
-/// The reconstruction with an effect of the set-up may predict held-out photographs worse by this and no
-/// more.
-constexpr double kWorseHeld = 1.03;
-/// A change of less than this, natural-log units, is nobody's concern.
-constexpr double kSmallestReach = 0.002;
 /// Within this share of the best one's gain, another explanation is as good.
 constexpr double kAlike = 0.12;
+/// Share of a sample's pixels that must be clipped before it is told.
+constexpr double kClippedShare = 0.003;
 
 using Clock = std::chrono::steady_clock;
 
-struct Attempt {
-  std::size_t candidate = 0;
-  TrialOutcome outcome;         ///< of the Gaussian process; effects of the set-up
-  SurfaceTrial::Errors errors;  ///< of the reconstruction with it
-  Eigen::VectorXd value;
-  TwoShotDeviation deviation;
-  double fitRatio = 1, heldRatio = 1;
-  double gain = 0;  ///< ln odds, for a surface term those that the errors are worth
-  bool surface = false, passes = false;
-  std::string verdict;
-};
-
-/// Errors of held-out photographs, with over without: the sum's, or the photographs' own, whichever is
-/// kinder: one highlight among four photographs decides the first alone, and one dark photograph the second.
-double heldRatio(const SurfaceTrial::Errors& with, const SurfaceTrial::Errors& without,
-                 const std::vector<DiagnosisShot>& shots) {
-  if (!(with.held >= 0 && without.held > 0)) return 1;
-  double sum = 0, count = 0;
-  for (std::size_t s = 0; s < with.shot.size() && s < without.shot.size(); ++s) {
-    if (!shots[s].holdout || !(with.shot[s] > 0 && without.shot[s] > 0)) continue;
-    sum += std::log(with.shot[s] / without.shot[s]), ++count;
-  }
-  const double each = count > 0 ? std::exp(sum / count) : 1;
-  return std::min(with.held / without.held, each);
-}
-
-bool isOwnShot(const std::string& id) {
-  return id == "exposure-mismatch" || id == "light-power";
-}
-
 class Explainer {
  public:
-  Explainer(const std::vector<std::filesystem::path>& bundles, const ExplainOptions& options,
+  Explainer(BasisPtr basis, const std::vector<std::filesystem::path>& bundles, const ExplainOptions& options,
             const JobContext& job)
-      : options_(options), job_(job) {
+      : options_(options), job_(job), basis_(std::move(basis)) {
     out_->kind = "two-shot";
     out_->bundles = bundles;
   }
@@ -88,9 +50,11 @@ class Explainer {
     if (!capture) return capture.error();
     capture_ = std::move(*capture);
     job_.progress("fit", 0, 1, "fits");
-    Result<BasisPtr> basis = builtInBasis(job_);
-    if (!basis) return basis.error();
-    basis_ = *basis;
+    if (!basis_) {
+      Result<BasisPtr> basis = builtInBasis(job_);
+      if (!basis) return basis.error();
+      basis_ = *basis;
+    }
     fitOptions_.clusters = 0;
     auto before = fitTwoShot(capture_, basis_, fitOptions_, job_);
     if (!before) return before.error();
@@ -138,7 +102,7 @@ class Explainer {
         last_ = std::move(attempts);
         break;
       }
-      confuse(*best, attempts, round == 0);
+      confuse(*best, attempts);
       taken.insert(candidates_[best->candidate].id);
       search_->accept(best->deviation, best->surface ? nullptr : &best->outcome.basis);
       added.push_back(*best);
@@ -152,7 +116,7 @@ class Explainer {
 
     const auto refitting = Clock::now();
     TwoShotFitPtr after = before_;
-    if (!added.empty() || saturation_ > 0) {
+    if (!added.empty()) {
       job_.progress("refit", 0, 1, "fits");
       auto refitted = refit(added, added.size());
       if (!refitted) return refitted.error();
@@ -228,81 +192,13 @@ class Explainer {
       attempt.errors = with.errors(attempt.deviation);
       job_.progress("refit", ++refined, static_cast<std::int64_t>(order.size()), "effects");
     });
-    for (Attempt& attempt : attempts) judge(attempt, without, round);
+    const JudgedBy by{candidates_.size(), options_.falseAlarmRate, round, &without, &data_.shots};
+    for (Attempt& attempt : attempts) judgeAttempt(candidates_[attempt.candidate], by, attempt);
     return attempts;
   }
 
-  void judge(Attempt& attempt, const SurfaceTrial::Errors& without, int) {
-    const TwoShotCandidate& candidate = candidates_[attempt.candidate];
-    const bool held = without.held > 0;
-    if (attempt.errors.fit >= 0 && without.fit > 0) {
-      attempt.fitRatio = attempt.errors.fit / without.fit;
-      attempt.heldRatio = heldRatio(attempt.errors, without, data_.shots);
-    }
-    char text[300];
-    if (attempt.surface) {
-      attempt.passes = held ? attempt.fitRatio <= kSurfaceFit && attempt.heldRatio <= kSurfaceHeld
-                            : attempt.fitRatio <= kSurfaceFitAlone;
-      // Errors of some hundred rows that are alike within a few dozen groups.
-      constexpr double kWorth = 60;
-      attempt.gain = -kWorth * (std::log(std::max(attempt.fitRatio, 1e-3)) +
-                                std::log(std::max(attempt.heldRatio, 1e-3)));
-      const char* vain = attempt.passes ? "" : ": the basis does as well without it";
-      if (held) {
-        std::snprintf(text, sizeof text,
-                      "with it the fitted photographs' error would be %.2f times, the held-out ones' %.2f "
-                      "times what it "
-                      "is%s",
-                      attempt.fitRatio, attempt.heldRatio, vain);
-      } else {
-        std::snprintf(text, sizeof text, "with it the photographs' error would be %.2f times what it is%s",
-                      attempt.fitRatio, vain);
-      }
-      attempt.verdict = text;
-      return;
-    }
-    const TrialOutcome& o = attempt.outcome;
-    if (attempt.errors.fit < 0) {
-      attempt.gain = std::min(o.lnEvidence, 0.0);
-      attempt.verdict = "the photographs are no more probable with it than without";
-      return;
-    }
-    attempt.gain = o.lnTotal();
-    const double needed =
-        std::log(static_cast<double>(candidates_.size()) / std::max(options_.falseAlarmRate, 1e-6)) +
-        kModelDoubt;
-    const bool around = o.lnAround > needed;
-    const bool heldAgree = !held || isOwnShot(candidate.id) || o.lnHeld > -0.05 * std::max(o.lnEvidence, 0.0);
-    // Colours that mix in the camera are colours of the material to a fit: only what lies around the sample
-    // can tell.
-    const bool tellable = candidate.id != "channel-crosstalk" || around;
-    const bool notWorse = isOwnShot(candidate.id) || attempt.heldRatio <= kWorseHeld;
-    const bool helps = attempt.heldRatio < 0.98 || attempt.fitRatio < 0.98 || around;
-    attempt.passes =
-        attempt.gain > needed && heldAgree && tellable && notWorse && helps && o.reach > kSmallestReach;
-    if (candidate.surface) attempt.passes &= held && attempt.heldRatio < 0.9 && attempt.fitRatio < 0.95;
-    if (attempt.passes) {
-      std::snprintf(text, sizeof text, "the photographs are e^%.0f times as probable with it", attempt.gain);
-    } else if (attempt.gain <= needed) {
-      std::snprintf(text, sizeof text,
-                    "the evidence for it, e^%.1f, is less than the e^%.1f that chance may give", attempt.gain,
-                    needed);
-    } else if (!heldAgree) {
-      std::snprintf(text, sizeof text,
-                    "it explains the fitted photographs, but the held-out ones speak against it");
-    } else if (!tellable) {
-      std::snprintf(text, sizeof text, "a material of another colour would look the same");
-    } else {
-      std::snprintf(text, sizeof text,
-                    "it would not make the reconstruction predict better (%.2f times the error of held-out "
-                    "photographs)",
-                    attempt.heldRatio);
-    }
-    attempt.verdict = text;
-  }
-
   /// Explanations as good as the best one make a group, and photographs that would decide are suggested.
-  void confuse(const Attempt& best, const std::vector<Attempt>& attempts, bool first) {
+  void confuse(const Attempt& best, const std::vector<Attempt>& attempts) {
     const std::string& id = candidates_[best.candidate].id;
     std::vector<std::string> group{id};
     double runnerUp = 0;
@@ -326,13 +222,52 @@ class Explainer {
     }
     const double margin = best.gain - (group.size() > 1 ? 0 : runnerUp);
     confidence_[id] = std::clamp(1 - 0.5 * std::exp(-margin / 25), 0.5, 0.98);
-    static_cast<void>(first);
   }
 
   Result<TwoShotFitPtr> refit(const std::vector<Attempt>& added, std::size_t count) {
     auto deviation = std::make_shared<TwoShotDeviation>();
     if (count > 0) *deviation = added[count - 1].deviation;
-    return fitTwoShot(capture_, basis_, fitOptions_, job_, deviation);
+    auto fit = fitTwoShot(capture_, basis_, fitOptions_, job_, deviation);
+    if (!fit || !((*fit)->stats.holdoutRms >= before_->stats.holdoutRms)) return fit;
+    // What the effect spoilt made the basis' mean look good. Without it the photographs may bear a smaller
+    // eta.
+    TwoShotFitOptions options = fitOptions_;
+    options.chooseEta = true;
+    auto chosen = fitTwoShot(capture_, basis_, options, job_, deviation);
+    if (chosen && (*chosen)->stats.holdoutRms < (*fit)->stats.holdoutRms) {
+      out_->remarks.push_back(
+          "The refit chose its eta by cross-validation, which the effect had stood in the way of.");
+      return chosen;
+    }
+    return fit;
+  }
+
+  /// Clipping that the bundle doesn't say: the fit leaves such pixels out by itself; here it is told.
+  void clipping() {
+    if (capture_.saturation > 0 || before_->stats.clippedPixels == 0) return;
+    const auto clipped = static_cast<double>(before_->stats.clippedPixels);
+    if (clipped < kClippedShare * (clipped + static_cast<double>(before_->stats.pixels))) return;
+    double level = 0;
+    for (const TwoShotComparison& comparison : before_->comparisons) {
+      if (comparison.holdout) continue;
+      for (const float value : comparison.captured.samples()) level = std::max<double>(level, value);
+    }
+    EffectFinding finding;
+    finding.id = "saturation";
+    finding.added = true;
+    finding.parameters.push_back({"level", "pixel value", level, 0, ""});
+    finding.sentence = sentenceOf("saturation", finding.parameters);
+    finding.confidence = 0.95;
+    finding.sigmas = std::sqrt(clipped);
+    finding.correctedP = 0;
+    char text[160];
+    std::snprintf(
+        text, sizeof text,
+        "%.0f pixels of the fitted photographs hold exactly their largest value: they were left out.",
+        clipped);
+    finding.verdict = text;
+    finding.holdoutRmsWith = finding.holdoutRmsWithout = before_->stats.holdoutRms;
+    out_->effects.push_back(std::move(finding));
   }
 
   double sigmasOf(double p, double gain) const {
@@ -390,6 +325,7 @@ class Explainer {
       finding.plots.push_back(plotOf(*after));
       out_->effects.push_back(std::move(finding));
     }
+    clipping();
     // Of the others, the best variant of each effect.
     std::set<std::string> told;
     for (const EffectFinding& effect : out_->effects) told.insert(effect.id);
@@ -545,18 +481,23 @@ class Explainer {
   std::vector<TwoShotSearch::Score> scores_;
   std::vector<Attempt> first_, last_;
   std::map<std::string, double> confidence_;
-  double saturation_ = 0;
 };
 
 }  // namespace
 
-Result<ExplanationPtr> explainTwoShot(const std::vector<std::filesystem::path>& bundles,
-                                      const ExplainOptions& options, const JobContext& job) {
+Result<ExplanationPtr> explainTwoShotWith(const BasisPtr& basis,
+                                          const std::vector<std::filesystem::path>& bundles,
+                                          const ExplainOptions& options, const JobContext& job) {
   if (bundles.empty()) return Error{ErrorCode::Invalid, "there is no bundle to explain", "", "name one"};
   tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
   std::optional<Result<ExplanationPtr>> result;
-  arena.execute([&] { result.emplace(Explainer(bundles, options, job).run()); });
+  arena.execute([&] { result.emplace(Explainer(basis, bundles, options, job).run()); });
   return std::move(*result);
+}
+
+Result<ExplanationPtr> explainTwoShot(const std::vector<std::filesystem::path>& bundles,
+                                      const ExplainOptions& options, const JobContext& job) {
+  return explainTwoShotWith(nullptr, bundles, options, job);
 }
 
 }  // namespace patina

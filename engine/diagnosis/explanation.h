@@ -134,7 +134,7 @@ struct Explanation {
 
 struct ExplainOptions {
   int size = 0;                  ///< as FourierFitOptions::size
-  int testedTexels = 1500;       ///< of the score test and refits. More: slower, finer
+  int testedTexels = 800;        ///< of the score test and refits. More: slower, finer
   int maxEffects = 4;            ///< added at most
   double falseAlarmRate = 0.01;  ///< over the whole catalogue, for data without any effect
   bool pictures = true;          ///< keep pictures of photographs for the report
@@ -150,9 +150,10 @@ using ExplanationPtr = std::shared_ptr<const Explanation>;
 Result<ExplanationPtr> explain(const std::vector<std::filesystem::path>& bundles,
                                const ExplainOptions& options, const JobContext& job);
 
-/// The same with given effects added, none looked for: what a fit that is told the effects reaches. Ids of the catalogue.
-/// Errors: as `explain`; Unsupported for kinds or effects that can't be fitted.
-Result<ExplanationPtr> explainWith(const std::vector<std::filesystem::path>& bundles, const std::vector<std::string>& ids,
-                                   const ExplainOptions& options, const JobContext& job);
+/// The same with given effects added, none looked for: what a fit that is told the effects reaches. Ids of
+/// the catalogue. Errors: as `explain`; Unsupported for kinds or effects that can't be fitted.
+Result<ExplanationPtr> explainWith(const std::vector<std::filesystem::path>& bundles,
+                                   const std::vector<std::string>& ids, const ExplainOptions& options,
+                                   const JobContext& job);
 
 }  // namespace patina

@@ -86,9 +86,10 @@ struct PredictedPictures {
 
 /// Which groups of columns to evaluate: what isn't wanted is left zero.
 struct WantedColumns {
-  bool light = true;     ///< screen and surface: needs the quadrature's own columns
-  bool geometry = true;  ///< screen-pose, sample-height, sample-tilt: seven more predictions
-  bool spread = true;    ///< glare, defocus, subsurface
+  bool light = true;        ///< screen and surface: needs the quadrature's own columns
+  bool geometry = true;     ///< screen-pose, sample-height, sample-tilt: seven more predictions
+  bool spread = true;       ///< glare, defocus, subsurface
+  bool photographs = true;  ///< a factor and an offset for each
 };
 
 /// A site's prediction and columns. Scratch, reused.

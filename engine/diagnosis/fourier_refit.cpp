@@ -121,11 +121,12 @@ DiagnosisSession thinned(const DiagnosisSession& session, std::size_t sites) {
 }
 
 WantedColumns wantedFor(const std::vector<std::string>& effects) {
-  WantedColumns wanted{false, false, false};
+  WantedColumns wanted{false, false, false, false};
   for (const auto& id : effects) {
     wanted.light |= isOneOf(id, {"emission-angular", "emission-spatial", "self-shadowing", "screen-response",
                                  "anisotropy", "third-lobe", "fresnel", "sheen", "retroreflection",
                                  "clearcoat", "iridescence", "basis-deviation"});
+    wanted.photographs |= isOneOf(id, {"flicker", "ambient-drift"});
     wanted.geometry |= isOneOf(id, {"screen-pose", "sample-height", "sample-tilt"});
     wanted.spread |= isOneOf(id, {"glare", "defocus", "subsurface"});
   }
@@ -303,6 +304,7 @@ RefitResult refitEffects(DiagnosisSession& session, const std::vector<std::strin
   }
   estimateHeldOutPhotographs(session, job);
   SessionError error = sessionError(session, job);
+  double gained = 0;
   for (int k = 0; k < iterations && !job.cancelled(); ++k) {
     ScoreTest test = scoreSession(session, wanted, job);
     out.numbers = test.numbers(effects);
@@ -322,7 +324,7 @@ RefitResult refitEffects(DiagnosisSession& session, const std::vector<std::strin
           if (delta.size() > 0 && delta.allFinite()) stepSite(site, delta);
         }
       }
-      refineSession(trial, 4, job, false);
+      refineSession(trial, 2, job, false);
       SessionError trialError = sessionError(trial, job);
       if (!(trialError.chi2 < before)) continue;
       session = std::move(trial);
@@ -330,14 +332,40 @@ RefitResult refitEffects(DiagnosisSession& session, const std::vector<std::strin
       better = true;
       break;
     }
-    if (!better ||
-        before - error.chi2 < 0.002 * before / std::max(1.0, before / std::max(error.count, 1.0)) * 0.05 + 1)
-      break;
+    if (!better) break;
+    gained += before - error.chi2;
+    if (before - error.chi2 < 0.004 * gained + 0.5) break;
   }
   estimateHeldOutPhotographs(session, job);
   out.error = sessionError(session, job);
   for (const auto& state : session.states) out.plausible &= !beyondSense(state);
   return out;
+}
+
+void resetEffect(DiagnosisSession& session, const std::string& id) {
+  const EffectColumns::Range range = session.columns.rangeOf(id);
+  for (std::size_t k = 0; k < session.captures.size(); ++k) {
+    EffectState& state = session.states[k];
+    std::erase(state.added, id);
+    if (id == "flicker") state.photoGain.clear();
+    if (id == "ambient-drift") state.photoOffset.clear();
+    if (id == "self-shadowing") {
+      state.screen.horizon = false;
+      state.screen.horizonTiltX = state.screen.horizonTiltY = state.screen.horizonSine = 0;
+      continue;
+    }
+    for (int column = range.first; column < range.first + range.count; ++column) {
+      const EffectColumn& at = session.columns.dense()[static_cast<std::size_t>(column)];
+      if (float* value = lightVariable(state, at, session.columns, column)) {
+        *value = id == "screen-response" ? 1.0f : 0.0f;
+        continue;
+      }
+      const int copies = EffectColumns::perMaterial(id) ? session.captures[k].clusterCount : 1;
+      for (int m = 0; m < copies; ++m)
+        if (double* value = variable(state, at, EffectColumns::perMaterial(id) ? m : -1))
+          *value = id == "fresnel" ? 5 : 0;
+    }
+  }
 }
 
 }  // namespace patina

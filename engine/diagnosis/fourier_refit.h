@@ -51,6 +51,9 @@ void applyNumbers(DiagnosisSession& session, const std::vector<ScoreTest::Number
 /// one number each.
 void estimateHeldOutPhotographs(DiagnosisSession& session, const JobContext& job);
 
+/// Puts an effect to rest.
+void resetEffect(DiagnosisSession& session, const std::string& id);
+
 WantedColumns wantedFor(const std::vector<std::string>& effects);
 /// The score test of a whole session.
 ScoreTest scoreSession(DiagnosisSession& session, const WantedColumns& wanted, const JobContext& job);

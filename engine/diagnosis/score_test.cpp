@@ -189,9 +189,9 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
   for (std::size_t r = 0; r < rows; ++r)
     if (!capture.rows[r].holdout) fitted.push_back(r);
   if (materialOffset == 0) fittedRows_ = static_cast<int>(fitted.size());
-  const int sparseRows = materialOffset == 0 ? fittedRows_ : 0;
+  const int sparseRows = materialOffset == 0 && wanted.photographs ? fittedRows_ : 0;
   const EffectColumns::Range driftColumns = columns.rangeOf("screen-drift");
-  const Eigen::Index sparse = 2 * fittedRows_, all = dense + sparse;
+  const Eigen::Index sparse = wanted.photographs ? 2 * fittedRows_ : 0, all = dense + sparse;
   perMaterial_.resize(
       std::max(perMaterial_.size(), static_cast<std::size_t>(materialOffset + capture.clusterCount)));
 
@@ -232,7 +232,7 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     // The sparse columns: three entries each.
     Eigen::MatrixXd ownSparse = Eigen::MatrixXd::Zero(kOwnCount, sparse),
                     denseSparse = Eigen::MatrixXd::Zero(dense, sparse);
-    Eigen::VectorXd sparseR = Eigen::VectorXd::Zero(sparse), gg = Eigen::VectorXd::Zero(fittedRows_), oo = gg,
+    Eigen::VectorXd sparseR = Eigen::VectorXd::Zero(sparse), gg = Eigen::VectorXd::Zero(sparseRows), oo = gg,
                     go = gg;
     for (int f = 0; f < sparseRows; ++f) {
       const std::size_t r = fitted[static_cast<std::size_t>(f)];
@@ -262,7 +262,7 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     sums.a.topLeftCorner(dense, dense) += gram.block(kOwnCount, kOwnCount, dense, dense);
     sums.a.topRightCorner(dense, sparse) += denseSparse;
     sums.a.bottomLeftCorner(sparse, dense) += denseSparse.transpose();
-    for (int f = 0; f < fittedRows_; ++f) {
+    for (int f = 0; f < sparseRows; ++f) {
       sums.a(dense + f, dense + f) += gg[f];
       sums.a(dense + fittedRows_ + f, dense + fittedRows_ + f) += oo[f];
       sums.a(dense + f, dense + fittedRows_ + f) += go[f];

@@ -300,6 +300,21 @@ std::vector<TwoShotCandidate> twoShotCandidates(const TwoShotCapture& capture, c
   std::vector<TwoShotCandidate> list;
   setUp(capture, data, list);
   surface(data, list);
+  // Smaller than what calibration and aiming leave anyway; a light farther than ten metres is distant.
+  struct Bound {
+    const char* id;
+    double least;
+    bool positive;
+  };
+  for (const Bound& bound :
+       {Bound{"sample-tilt", 0.1, false}, Bound{"sample-height", 0.5, false}, Bound{"near-light", 0.1, true},
+        Bound{"vignetting", 0.01, true}, Bound{"stray-light", 0.003, true},
+        Bound{"exposure-mismatch", 0.01, false}, Bound{"camera-response", 0.01, false},
+        Bound{"channel-crosstalk", 0.005, true}, Bound{"glare", 0.003, true}, Bound{"defocus", 0.1, true},
+        Bound{"black-level", 0.003, true}, Bound{"anisotropy", 0.01, false}}) {
+    for (TwoShotCandidate& candidate : list)
+      if (candidate.id == bound.id) candidate.least = bound.least, candidate.positive = bound.positive;
+  }
   return list;
 }
 

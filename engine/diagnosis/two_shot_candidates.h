@@ -26,6 +26,8 @@ struct TwoShotCandidate {
   std::function<void(const Eigen::VectorXd&, TwoShotDeviation&)> apply;
   /// Empty where these photographs could show it, else why they can't, a sentence.
   std::string unobservable;
+  double least = 0;       ///< smaller than this, in every parameter (searched units), is nobody's concern
+  bool positive = false;  ///< the first parameter below zero makes no sense
 };
 
 /// All ways, for the photographs at hand.

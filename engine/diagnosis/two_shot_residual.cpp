@@ -117,6 +117,8 @@ void describeResiduals(const TwoShotFit& before, const TwoShotFit& after, bool p
     std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
                      values.end());
     const double median = std::max<double>(values[values.size() / 2], 1e-12);
+    double mean = 1e-12;
+    for (const float value : values) mean += value / static_cast<double>(values.size());
     ResidualPicture picture;
     picture.photo = photo.photo, picture.file = first.file;
     if (pictures) picture.noiseSigma = Image(view.width, view.height, 3);
@@ -135,7 +137,7 @@ void describeResiduals(const TwoShotFit& before, const TwoShotFit& after, bool p
         for (int c = 0; c < 3; ++c) {
           const double seen = first.captured.at(x, y, c);
           // A noise of zero would make the sum endless: a sensor has a last digit.
-          const double variance = std::max(noise.variance(seen), 1e-12 + 1e-8 * seen * seen);
+          const double variance = std::max(noise.variance(seen), 1e-8 * (mean * mean + seen * seen));
           const double b = first.rendered.at(x, y, c) - seen, a = second->rendered.at(x, y, c) - seen;
           const double zb = b * b / variance, za = a * a / variance;
           pixelBefore += zb / 3, pixelAfter += za / 3;
