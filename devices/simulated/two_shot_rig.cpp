@@ -184,23 +184,23 @@ Result<Image> exposeTwoShot(const TwoShotScene& scene, const ShotDirections& dir
             const Eigen::Vector2d at(x + (i + 0.5) / side - 0.5, y + (j + 0.5) / side - 0.5);
             const auto point = camera.samplePlaneFromPixel(at);
             if (!point || !onSample(scene, point->x(), point->y(), scale)) {
-              ++known;  // the dark surroundings
+              sum += scene.effects.surroundings;  // as bright whatever lies in their middle
+              ++known;
               continue;
             }
-            const Eigen::Array3d brdf = tile
-                                            ? white
-                                            : brdfAt(scene, point->x(), point->y())
-                                                  ->evaluate(directions.toLight, (eye - *point).normalized());
+            const LampAtPoint lamp = lampAt(scene.effects, directions.toLight, eye, *point, tile);
+            const Eigen::Array3d brdf =
+                tile ? white : brdfAt(scene, point->x(), point->y())->evaluate(lamp.toLight, lamp.toView);
             if (!brdf.isFinite().all()) {
               ++unknown;
               continue;
             }
-            sum += brdf;
+            sum += brdf * lamp.cosineGain;
             ++known;
           }
         if (known == 0) continue;
         const double fromAxis = Eigen::Vector2d(x - middle, y - middle).squaredNorm() / corner;
-        const double gain = directions.toLight.z() * (1 - scene.vignetting * fromAxis) / known;
+        const double gain = (1 - scene.vignetting * fromAxis) / known;
         for (int c = 0; c < 3; ++c)
           image.at(x, y, c) = static_cast<float>(sum[c] * gain * scene.irradiance[c]);
       }
@@ -227,18 +227,33 @@ Result<TwoShotSimulationReport> simulateTwoShot(const TwoShotScene& scene, const
   const auto start = std::chrono::steady_clock::now();
   std::vector<Image> perSecond;
   const auto poses = static_cast<std::int64_t>(scene.poses.size());
-  double brightest = 0;
+  double brightest = 0, level = 0;
+  const double focalOfAll = focalPixels(scene);
+  std::vector<std::vector<char>> shown;
   for (const TwoShotPose& pose : scene.poses) {
     job.progress("expose", static_cast<std::int64_t>(perSecond.size()), poses, "poses");
     Result<Image> image = exposeTwoShot(scene, pose.directions, false, job, &report.unknownRays);
     if (!image) return image.error();
     const double longest = *std::ranges::max_element(pose.exposuresS);
     for (float sample : image->samples()) brightest = std::max(brightest, longest * sample);
+    std::vector<char> onIt(image->pixelCount(), 0);
+    const Camera camera = withLens(scene, pose.directions.toCamera, focalOfAll);
+    double sum = 0, count = 0;
+    for (int y = 0; y < image->height(); ++y)
+      for (int x = 0; x < image->width(); ++x) {
+        const auto point = camera.samplePlaneFromPixel({x, y});
+        const std::size_t i = static_cast<std::size_t>(y) * image->width() + x;
+        onIt[i] = point && onSample(scene, point->x(), point->y(), 1.0);
+        if (onIt[i]) sum += image->at(x, y, 1), ++count;
+      }
+    level += sum / std::max(count, 1.0) / static_cast<double>(scene.poses.size());
+    shown.push_back(std::move(onIt));
     perSecond.push_back(std::move(*image));
   }
   job.progress("expose", poses, poses, "poses");
   report.fullScale = scene.fullScale > 0 ? scene.fullScale : 1.1 * brightest;
   if (report.fullScale <= 0) report.fullScale = 1;  // a black sample: any scale will do
+  if (scene.effects.clipShare > 0) report.fullScale = scene.effects.clipShare * brightest;
   report.seconds["expose"] = secondsSince(start);
 
   const auto writing = std::chrono::steady_clock::now();
@@ -251,12 +266,16 @@ Result<TwoShotSimulationReport> simulateTwoShot(const TwoShotScene& scene, const
   capture.sampleName = scene.name;
   capture.madeBy = kMadeBySimulatedRig;
   capture.whiteReflectance = scene.whiteReflectance;
-  if (scene.withNoise && scene.statesSaturation) capture.saturation = report.fullScale;
+  if (scene.withNoise && scene.statesSaturation && !(scene.effects.clipShare > 0))
+    capture.saturation = report.fullScale;
 
   std::uint64_t photoIndex = 0;
-  const auto take = [&](const Image& oneSecond, double exposureS, const std::string& file) -> Status {
+  const auto take = [&](const Image& oneSecond, double exposureS, const std::string& file,
+                        const std::size_t* pose) -> Status {
     Image photo = oneSecond;
     for (float& sample : photo.samples()) sample = static_cast<float>(sample * exposureS);
+    if (pose && scene.effects.any())
+      distortPhoto(scene.effects, *pose, shown[*pose], level, report.fullScale, photo);
     if (scene.withNoise)
       report.clippedSamples += senseInPlace(photo, scene.noise, report.fullScale, job.seed, photoIndex);
     ++photoIndex;
@@ -281,7 +300,7 @@ Result<TwoShotSimulationReport> simulateTwoShot(const TwoShotScene& scene, const
       if (job.cancelled()) return cancelledError();
       photo.file = named("shot", capture.shots.size());
       photo.exposureS = exposureS;
-      if (const Status taken = take(perSecond[p], exposureS, photo.file); !taken) return taken.error();
+      if (const Status taken = take(perSecond[p], exposureS, photo.file, &p); !taken) return taken.error();
       capture.shots.push_back(photo);
     }
     if (scene.declareIrradiance) continue;
@@ -292,7 +311,7 @@ Result<TwoShotSimulationReport> simulateTwoShot(const TwoShotScene& scene, const
     photo.holdout = false;
     photo.file = named("white", p);
     photo.exposureS = kTileLevel * report.fullScale / brightestTile;
-    if (const Status taken = take(*tile, photo.exposureS, photo.file); !taken) return taken.error();
+    if (const Status taken = take(*tile, photo.exposureS, photo.file, nullptr); !taken) return taken.error();
     capture.whiteShots.push_back(photo);
   }
   if (const Status written = writeTwoShotCapture(capture); !written) return written.error();

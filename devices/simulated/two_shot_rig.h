@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "devices/simulated/simulated_sensor.h"
+#include "devices/simulated/two_shot_effects.h"
 #include "engine/base/job.h"
 #include "engine/base/result.h"
 #include "engine/brdf/brdf.h"
@@ -49,6 +50,7 @@ struct TwoShotScene {
                                  ///< all photographs of the sample
   bool statesSaturation = true;  ///< whether the bundle says where the sensor clips
   int samplesPerPixelSide = 4;   ///< rays a pixel, squared
+  TwoShotEffects effects;        ///< what happens and the bundle doesn't say
   bool halfFloats = true;        ///< 16-bit EXR; else 32
 
   double radiusMm() const;
