@@ -14,7 +14,7 @@ namespace patina::test {
 
 /// How large the effects of a draw are.
 enum class DrawStrength {
-  Strong,  ///< raises the error of held-out photographs by half or more over their noise
+  Strong,  ///< near where the error of held-out photographs rises by half over their noise
   Weak,    ///< what all points of the sample together show and one alone doesn't
 };
 

@@ -4,10 +4,12 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
 
@@ -148,12 +150,74 @@ void explainIt(const fs::path& bundle, const JobContext& job, LoopOutcome& outco
 #endif
 }
 
+/// What the sensor's noise alone leaves of the held-out photographs' relative error, from the noise that was
+/// simulated: a fit's own estimate takes flicker for noise. -1 where the bundle has no truth.
+double trueNoiseFloor(const fs::path& bundle) {
+  const nlohmann::json truth = nlohmann::json::parse(readText(bundle / "truth/truth.json"), nullptr, false);
+  const Result<FourierCapture> capture = readFourierCapture(bundle);
+  if (!truth.is_object() || !capture) return -1;
+  const double full = truth.at("camera_full_scale"), shot = truth.at("noise").at("shot"),
+               read = truth.at("noise").at("read");
+  double variance = 0, energy = 0;
+  for (const FourierPhoto& photo : capture->photos) {
+    if (!photo.holdout) continue;
+    const Result<Image> image = readPhoto(*capture, photo);
+    if (!image) return -1;
+    for (const float sample : image->samples()) {
+      variance += full * shot * std::max(0.0f, sample) + read * read * full * full;
+      energy += static_cast<double>(sample) * sample;
+    }
+  }
+  return energy > 0 ? std::sqrt(variance / energy) : -1;
+}
+
+/// How far a strong effect must raise the held-out error over the noise, and how it is made stronger until
+/// then.
+constexpr double kStrongRise = 1.5;
+constexpr double kFactors[] = {1, 1.6, 2.5, 4};
+constexpr int kOtherSheets = 4;  ///< a matte sheet never shows some effects; then another is drawn
+
+/// Makes a strong item strong: the smallest factor, on the first sheet, for which a fit is half more wrong
+/// than the noise. Remembers it beside the bundle. False where nothing is strong enough.
+bool strengthen(Item& item, const Plan& plan, const JobContext& job) {
+  const fs::path bundle = plan.cache / item.name, file = plan.cache / (item.name + ".factor");
+  const std::uint64_t seed = item.drawn.seed;
+  const auto drawAgain = [&](int sheet, double factor) {
+    return drawCapture(seed + static_cast<std::uint64_t>(sheet) * 50000, item.drawn.effects,
+                       DrawStrength::Strong, plan.pixels, factor);
+  };
+  int sheet = 0;
+  double factor = 0;
+  if (std::ifstream in(file); in >> sheet >> factor && factor > 0) {
+    item.drawn = drawAgain(sheet, factor), item.factor = factor;
+    return true;
+  }
+  for (sheet = 0; sheet < kOtherSheets; ++sheet) {
+    double last = -1;
+    for (const double tried : kFactors) {
+      const DrawnCapture drawn = drawAgain(sheet, tried);
+      if (drawn.strength == last) break;  // as strong as one meets
+      last = drawn.strength;
+      if (!simulateDrawn(drawn, bundle, job)) continue;
+      LoopOutcome fitted;
+      fitAlone(bundle, job, fitted);
+      const double floor = trueNoiseFloor(bundle);
+      if (!fitted.failure.empty() || !(fitted.holdoutBefore >= kStrongRise * floor)) continue;
+      item.drawn = drawn, item.factor = tried;
+      std::ofstream(file) << sheet << ' ' << tried << '\n';
+      return true;
+    }
+  }
+  return false;
+}
+
 /// What is known of an item: from the file of an earlier run, or worked out now. False where it was stopped.
-bool outcomeOf(const Item& item, const Plan& plan, LoopOutcome& outcome) {
+bool outcomeOf(Item& item, const Plan& plan, LoopOutcome& outcome) {
   const fs::path bundle = plan.cache / item.name,
                  file = plan.cache / (item.name + (plan.fitOnly ? ".fit.json" : ".json"));
   JobContext job;
   job.threads = plan.threads;
+  const bool strongEnough = item.kind != "strong" || strengthen(item, plan, job);
   const std::vector<std::string> truth = item.drawn.options.effects.ids();
   if (!plan.again && outcomeFromJson(readText(file), outcome) && outcome.strength == item.drawn.strength &&
       outcome.field == item.drawn.strengthField)
@@ -166,6 +230,10 @@ bool outcomeOf(const Item& item, const Plan& plan, LoopOutcome& outcome) {
     outcome.failure = "the draw switched on something else than was asked for";
     return true;
   }
+  if (!strongEnough) {
+    outcome.kind = "never strong";  // counted, and in no rate
+    return true;
+  }
   if (const Status made = simulateDrawn(item.drawn, bundle, job); !made) {
     outcome.failure = "simulation: " + made.error().sentence();
     return true;
@@ -176,6 +244,7 @@ bool outcomeOf(const Item& item, const Plan& plan, LoopOutcome& outcome) {
     fitAlone(bundle, job, outcome);
   else
     explainIt(bundle, job, outcome);
+  if (const double floor = trueNoiseFloor(bundle); floor > 0) outcome.noiseFloor = floor;
   outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const fs::path partial = file.string() + ".new";
   std::ofstream(partial) << outcomeJson(outcome);
@@ -187,7 +256,7 @@ bool outcomeOf(const Item& item, const Plan& plan, LoopOutcome& outcome) {
 int run(const Plan& plan) {
   std::error_code error;
   fs::create_directories(plan.cache, error);
-  const std::vector<Item> items = itemsOf(plan);
+  std::vector<Item> items = itemsOf(plan);
   std::vector<LoopOutcome> outcomes;
   for (std::size_t i = 0; i < items.size(); ++i) {
     LoopOutcome outcome;

@@ -376,6 +376,12 @@ LoopPage loopPage(const std::vector<LoopOutcome>& outcomes, std::uint64_t seed, 
          "the "
          "photographs can't tell apart.\n\n";
   text += ratesTable(outcomes) + "\n";
+  if (const auto never = std::count_if(outcomes.begin(), outcomes.end(),
+                                       [](const LoopOutcome& o) { return o.kind == "never strong"; });
+      never > 0)
+    text += std::to_string(never) +
+            " further draws with a strong effect raised the error by less than half at any strength that one "
+            "meets, on any of four sheets, and are in no rate.\n\n";
   if (const std::string table = byEffect(outcomes); !table.empty())
     text += "### By effect\n\n" + table + "\n";
   if (const std::string table = errorsTable(outcomes); !table.empty())
