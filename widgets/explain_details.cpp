@@ -134,8 +134,11 @@ void ExplainDetails::refreshBreakdowns() {
   }
   if (!explanation_) return;
   for (const ResidualBreakdown& breakdown : explanation_->breakdowns)
-    if (PlotWidget* plot = plotOf(breakdown, !explanation_->effects.empty(), breakdowns_))
+    if (PlotWidget* plot = plotOf(breakdown, !explanation_->effects.empty(), breakdowns_)) {
+      // One legend for all of them, where it covers least.
+      plot->setLegend(row->count() == 0 ? std::optional(Qt::TopLeftCorner) : std::nullopt);
       row->addWidget(plot);
+    }
 }
 
 void ExplainDetails::refreshBudget() {
