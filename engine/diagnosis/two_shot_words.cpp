@@ -45,33 +45,46 @@ std::vector<EffectEstimate> estimatesOf(const TwoShotCandidate& candidate, const
     }
     out.push_back(std::move(estimate));
   }
-  if (candidate.id == "sample-tilt") {
+  // The names of the catalogue come first.
+  const auto first = [&out](EffectEstimate estimate) { out.insert(out.begin(), std::move(estimate)); };
+  const std::string& id = candidate.id;
+  if (id == "sample-tilt") {
     // The normal's own direction is what one sees and turns back: about +x it goes to -y.
     const EffectEstimate aboutX = out[0], aboutY = out[1];
     out[0] = {"towardsXDeg", "degrees", aboutY.value, aboutY.sd, ""};
     out[1] = {"towardsYDeg", "degrees", -aboutX.value, aboutX.sd, ""};
-  } else if (candidate.id == "near-light") {
-    const double per = std::abs(out[0].value), relative = per > 0 ? out[0].sd / per : 0;
-    out.push_back(
-        {"distanceMm", "mm", 1000 / std::max(per, 1e-6), 1000 / std::max(per, 1e-6) * relative, ""});
-  } else if (candidate.id == "exposure-mismatch") {
+    first({"tiltDeg", "degrees", std::hypot(out[0].value, out[1].value), std::max(out[0].sd, out[1].sd), ""});
+  } else if (id == "near-light") {
+    const double per = std::max(std::abs(out[0].value), 1e-6);
+    first({"distanceMm", "mm", 1000 / per, 1000 / per * out[0].sd / per, ""});
+  } else if (id == "exposure-mismatch") {
     for (EffectEstimate& estimate : out) {
-      estimate.name = "factor", estimate.unit = "";
-      estimate.value = std::exp(estimate.value);
-      estimate.sd *= estimate.value;
+      estimate.name = "relativeChange", estimate.unit = "";
+      estimate.sd *= std::exp(estimate.value);
+      estimate.value = std::expm1(estimate.value);
     }
-  } else if (candidate.id == "camera-response") {
-    out.push_back({"exponent", "", std::exp(out[0].value), out[0].sd * std::exp(out[0].value), ""});
-  } else if (candidate.id == "defocus") {
+  } else if (id == "stray-light") {
+    double sum = 0, square = 0, count = 0;
+    for (const EffectEstimate& one : out)
+      if (one.name.rfind("stray", 0) == 0) sum += one.value, square += one.sd * one.sd, ++count;
+    first({"share", "", sum / std::max(count, 1.0), std::sqrt(square) / std::max(count, 1.0), ""});
+  } else if (id == "black-level") {
+    first({"offset", "of the mean level", (out[0].value + out[1].value + out[2].value) / 3, out[1].sd, ""});
+  } else if (id == "camera-response") {
+    first({"gamma", "", std::exp(out[0].value), out[0].sd * std::exp(out[0].value), ""});
+  } else if (id == "defocus") {
     const double px = std::sqrt(std::max(out[0].value, 0.0));
-    out.push_back({"blurPx", "pixels", px, px > 0 ? out[0].sd / (2 * px) : 0, ""});
-  } else if (candidate.id == "anisotropy") {
+    first({"sigmaPx", "pixels", px, px > 0 ? out[0].sd / (2 * px) : 0, ""});
+  } else if (id == "clearcoat") {
+    out[0].name = "strength";
+  } else if (id == "retroreflection") {
+    first({"strength", "1/sr", (out[0].value + out[1].value + out[2].value) / 3, out[1].sd, ""});
+  } else if (id == "anisotropy") {
     const double size = std::hypot(out[0].value, out[1].value);
     const double deg = 0.5 * std::atan2(out[1].value, out[0].value) * 180 / std::numbers::pi;
     const double sd = std::max(out[0].sd, out[1].sd);
-    out.push_back({"ratio", "", (1 + size) / std::max(1 - size, 0.05), 2 * sd, ""});
-    out.push_back(
-        {"directionDeg", "degrees", deg + 90, size > 0 ? sd / (2 * size) * 180 / std::numbers::pi : 90, ""});
+    first({"angleDeg", "degrees", deg + 90, size > 0 ? sd / (2 * size) * 180 / std::numbers::pi : 90, ""});
+    first({"ratio", "", (1 + size) / std::max(1 - size, 0.05), 2 * sd, ""});
   }
   return out;
 }
@@ -101,52 +114,48 @@ std::string sentenceOf(const std::string& id, const std::vector<EffectEstimate>&
         "itself, and the "
         "white reference doesn't show it.",
         100 * e[0].value);
-  if (id == "stray-light") {
-    double sum = 0, count = 0;
-    for (const EffectEstimate& one : e)
-      if (one.name.rfind("stray", 0) == 0) sum += one.value, ++count;
+  if (id == "stray-light")
     return written(
         "Light that didn't come by way of the sample lies over its photographs: on the mean %.1f %% of their "
         "level.",
-        100 * sum / std::max(count, 1.0));
-  }
+        100 * valueOf(e, "share"));
   if (id == "black-level")
     return written(
         "The sensor's black is not zero: %.1f %% of the photographs' mean level, whatever the exposure.",
-        100 * (e[0].value + e[1].value + e[2].value) / 3);
+        100 * valueOf(e, "offset"));
   if (id == "exposure-mismatch") {
     const EffectEstimate* most = &e[0];
     for (const EffectEstimate& one : e)
-      if (std::abs(std::log(one.value)) > std::abs(std::log(most->value))) most = &one;
+      if (std::abs(one.value) > std::abs(most->value)) most = &one;
     return written(
         "Exposure times or light don't agree between photographs and their white references: %s is %.3f "
         "times as bright "
         "as it says.",
-        most->where.c_str(), most->value);
+        most->where.c_str(), 1 + most->value);
   }
   if (id == "camera-response")
     return written("The camera isn't linear: its values go with the power %.3f of the light.",
-                   valueOf(e, "exponent"));
+                   valueOf(e, "gamma"));
   if (id == "channel-crosstalk")
     return written("The colour channels mix: %.1f %% of each comes from the other two.", 100 * e[0].value);
   if (id == "glare")
     return written("The lens spreads %.1f %% of the light around bright places.", 100 * e[0].value);
-  if (id == "defocus") return written("The photographs are blurred, by %.1f pixels.", valueOf(e, "blurPx"));
+  if (id == "defocus") return written("The photographs are blurred, by %.1f pixels.", valueOf(e, "sigmaPx"));
   if (id == "retroreflection")
     return written(
         "The sample sends light back to where it came from: a lobe of %.2g per steradian towards the light "
         "that falls "
         "off within %.1f degrees, which no material of the basis has.",
-        (e[0].value + e[1].value + e[2].value) / 3, valueOf(e, "widthDeg"));
+        valueOf(e, "strength"), valueOf(e, "widthDeg"));
   if (id == "clearcoat")
     return written(
         "A smooth coat lies over the material: a colourless highlight of alpha %.3f and %.2f times the "
         "strength of a "
         "clear varnish.",
-        valueOf(e, "alpha"), valueOf(e, "weight"));
+        valueOf(e, "alpha"), valueOf(e, "strength"));
   if (id == "anisotropy")
     return written("The highlight is stretched: %.2f times as long along %.0f degrees as across.",
-                   valueOf(e, "ratio"), valueOf(e, "directionDeg"));
+                   valueOf(e, "ratio"), valueOf(e, "angleDeg"));
   if (id == "iridescence") return "The colour changes with the angle between light and view.";
   if (id == "saturation")
     return written(
