@@ -108,6 +108,15 @@ class Search {
                               trial_.fitted);
       candidates.push_back(std::move(one));
     }
+    // The derivative at strength zero knows one width of the third lobe only, and a kurtosis can stand in for
+    // it; the free-form factor over the slope sees any. What asks for that may be a third lobe.
+    const auto find = [&](FlashEffect effect) {
+      return std::find_if(candidates.begin(), candidates.end(),
+                          [&](const Candidate& one) { return one.effect == effect; });
+    };
+    const auto third = find(FlashEffect::ThirdLobe), free = find(FlashEffect::BasisDeviation);
+    if (third != candidates.end() && free != candidates.end() && free->score.sigmas > third->score.sigmas)
+      third->score = free->score;
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const Candidate& a, const Candidate& b) { return a.score.sigmas > b.score.sigmas; });
     std::size_t refits = 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <optional>
 
 #include "engine/diagnosis/explain_kinds.h"
@@ -38,6 +39,7 @@ struct Candidate {
   bool tried = false, plausible = true;
   double improvement = 0;  ///< fall of chi2, fitted and held out, minus what its numbers cost
   double heldGain = 0, heldSd = 0;
+  double betterPatches = 0;  ///< share of the patches whose held-out photographs it predicts better
   double heldRms = -1;
   std::optional<DiagnosisSession> session;
   RefitResult refit;
@@ -107,6 +109,8 @@ class FourierExplainer {
     const auto residual = Clock::now();
     job_.progress("residual", 0, 1, "steps");
     refineSession(*session_, 5, job_);
+    for (std::size_t k = 0; k < session_->captures.size(); ++k)
+      correctNoise(session_->captures[k], modelOf(*session_, k), job_);
     const auto pictures = sessionPictures(*session_, job_);
     for (std::size_t k = 0; k < pictures.size(); ++k) session_->captures[k].pictures = pictures[k];
     reweigh();
@@ -218,9 +222,27 @@ class FourierExplainer {
         if (c.id == "flicker" || c.id == "ambient-drift") c.heldGain -= phi * static_cast<double>(heldRows());
         c.heldSd = std::max(patchSd(before.heldPatch, c.refit.error.heldPatch),
                             2 * std::sqrt(phi * std::abs(c.heldGain)));
+        const std::size_t patches = std::min(before.heldPatch.size(), c.refit.error.heldPatch.size());
+        double seen = 0;
+        for (std::size_t p = 0; p < patches; ++p) {
+          if (before.heldPatch[p] <= 0) continue;  // no site of it was usable
+          ++seen;
+          c.betterPatches += c.refit.error.heldPatch[p] < before.heldPatch[p];
+        }
+        c.betterPatches /= std::max(seen, 1.0);
         c.heldRms = c.refit.error.first.heldRms;
         if (c.plausible) mostImprovement = std::max(mostImprovement, c.improvement);
         c.session.emplace(std::move(trial));
+        char text[256];
+        std::snprintf(
+            text, sizeof text,
+            "%s: chi-square %.3f to %.3f, held out %.3f to %.3f, gain %.0f, held-out gain %.0f +- %.0f%s",
+            c.id.c_str(), before.chi2 / std::max(before.count, 1.0),
+            c.refit.error.chi2 / std::max(c.refit.error.count, 1.0),
+            before.heldChi2 / std::max(before.heldCount, 1.0),
+            c.refit.error.heldChi2 / std::max(c.refit.error.heldCount, 1.0), c.improvement, c.heldGain,
+            c.heldSd, c.plausible ? "" : ", beyond what makes sense");
+        job_.info(text);
         job_.progress("refit", static_cast<std::int64_t>(++done), static_cast<std::int64_t>(list.size()),
                       "candidates");
       }
@@ -279,7 +301,8 @@ class FourierExplainer {
     // there was may be its shadow.
     if (c.improvement < kShadow * firstExcess_ || c.heldGain < kShadow * firstHeldExcess_) return false;
     if (heldRows() == 0) return true;
-    return c.heldGain > 2 * c.heldSd && c.heldGain > kLeastHeldGain * c.phi;
+    // Beyond its uncertainty; or, where a few patches hold most of it, in nearly all patches.
+    return c.heldGain > kLeastHeldGain * c.phi && (c.heldGain > 2 * c.heldSd || c.betterPatches > 0.75);
   }
 
   std::size_t heldRows() const {

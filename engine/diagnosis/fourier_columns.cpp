@@ -42,7 +42,7 @@ int EffectColumns::add(std::string_view effect, std::string name, double prior) 
   return static_cast<int>(dense_.size()) - 1;
 }
 
-EffectColumns::EffectColumns(const DiagnosisCapture& capture) : offsetPrior_(0.005 * capture.fullScale) {
+EffectColumns::EffectColumns(const DiagnosisCapture& capture) : offsetPrior_(0.03 * capture.fullScale) {
   for (const char* name : {"u^2", "v^2", "v", "0.35", "0.55", "0.75"}) add("emission-angular", name, 0.5);
   // Of a paper with a known albedo the emission's level shows too; elsewhere the albedos take it.
   if (capture.knownLambertian) add("emission-angular", "level", 0.2);
@@ -75,7 +75,7 @@ EffectColumns::EffectColumns(const DiagnosisCapture& capture) : offsetPrior_(0.0
   add("vignetting", "corner", 0.2);
   add("camera-response", "gamma", 0.1);
   add("camera-response", "compression", 0.2);
-  add("black-level", "offset", 0.005 * capture.fullScale);
+  add("black-level", "offset", 0.03 * capture.fullScale);
   for (const char* name : {"RG", "RB", "GR", "GB", "BR", "BG"}) add("channel-crosstalk", name, 0.05);
   add("stray-light", "share", 0.05);
   add("saturation", "0.6", 0.5);

@@ -181,6 +181,10 @@ Result<DiagnosisCapture> diagnosisCapture(std::shared_ptr<const FourierFit> fit,
       out.frequencies.push_back(group.frequency);
     }
   }
+  if (m.heldOut.empty()) {
+    // None declared: every sixth frequency is kept from the sites' and effects' fits and judges them.
+    for (auto& row : out.rows) row.holdout = row.frequency % 6 == 3;
+  }
   out.rows.push_back({m.plan.window, -1, 0, false, m.plan.window / last});
 
   std::vector<std::size_t> good;

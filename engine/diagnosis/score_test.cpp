@@ -350,7 +350,7 @@ std::vector<ScoreTest::Number> ScoreTest::numbers(const std::vector<std::string>
     if (effect == "flicker" || effect == "ambient-drift") {
       const int first = columns_->denseCount() + (effect == "flicker" ? 0 : fittedRows_);
       for (int f = 0; f < fittedRows_; ++f)
-        out.push_back({first + f, -1, effect == "flicker" ? 0.03 : columns_->offsetPrior()});
+        out.push_back({first + f, -1, effect == "flicker" ? 0.05 : columns_->offsetPrior()});
       continue;
     }
     const EffectColumns::Range range = columns_->rangeOf(effect);
@@ -480,6 +480,37 @@ void setRobustWeights(DiagnosisCapture& capture, const FourierDiagnosisModel& mo
   const double most = 3 * std::max(sorted[sorted.size() / 2], 1.0);
   for (std::size_t i = 0; i < ratio.size(); ++i)
     if (ratio[i] > most) capture.sites[i].robust = static_cast<float>(most / ratio[i]);
+}
+
+double correctNoise(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job) {
+  const std::size_t rows = capture.rowCount(), step = std::max<std::size_t>(1, capture.sites.size() / 300);
+  SiteColumns at;
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i + 1 < capture.sites.size() && !job.cancelled(); i += step) {
+    Eigen::VectorXd pair[2];
+    bool good = true;
+    for (std::size_t k = 0; k < 2 && good; ++k) {
+      const DiagnosisSite& site = capture.sites[i + k];
+      good = site.usable && site.cluster == capture.sites[i].cluster &&
+             (site.pixel - capture.sites[i].pixel).norm() < 6;
+      if (!good) break;
+      model.evaluate(site, quadrature::kPrediction, at);
+      pair[k] = rootWeights(capture, site, false).cwiseProduct(residualOf(capture, site, at));
+    }
+    if (!good) continue;
+    for (Eigen::Index r = 0; r < pair[0].size(); ++r)
+      if (pair[0][r] != 0 && pair[1][r] != 0)
+        ratios.push_back(std::abs(pair[0][r] - pair[1][r]) / std::sqrt(2.0));
+  }
+  constexpr std::size_t kEnough = 3000;
+  if (ratios.size() < kEnough) return 1;
+  std::nth_element(ratios.begin(), ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2),
+                   ratios.end());
+  const double sd = ratios[ratios.size() / 2] / 0.6745, variance = sd * sd;
+  if (variance > 0.85) return 1;
+  for (auto& site : capture.sites)
+    for (std::size_t k = 0; k < rows * 3; ++k) site.weight[k] = static_cast<float>(site.weight[k] / variance);
+  return variance;
 }
 
 ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisModel& model,

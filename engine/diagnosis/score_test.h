@@ -99,6 +99,12 @@ void stepSite(DiagnosisSite& site, const Eigen::VectorXd& delta);
 /// compared.
 void setRobustWeights(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job);
 
+/// Lowers the assumed noise where it can't be so large: the difference of neighbouring sites' residuals in
+/// one photograph holds noise, and hardly anything of an effect that acts on whole photographs (whose scatter
+/// is taken for noise when it is estimated from the photographs). One factor for all weights. Returns the
+/// ratio of true to assumed variance, at most 1.
+double correctNoise(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job);
+
 /// What a state leaves: mean squares in units of noise, and relative RMS over the tested sites.
 struct ModelError {
   double chi2 = 0, count = 0, heldChi2 = 0, heldCount = 0;

@@ -17,6 +17,7 @@ constexpr double kTolerance = 2e-5;
 /// Texels that the priors of a material are worth before its own texels speak.
 constexpr double kPriorTexels = 15;
 constexpr double kLeastDiscrepancy = 1e-3, kLargestDiscrepancy = 0.6;
+constexpr double kKeptLean = 0.9;
 constexpr double kMedianOfChi2 = 0.4549;  ///< one degree of freedom
 
 TexelMatrix firstCovariance() {
@@ -61,6 +62,9 @@ void learnMaterials(JointState& state, const FlashSample& sample, std::span<cons
     }
     if (texels < 2) continue;
     material.mean = sum / texels;
+    // The sheet is declared flat: a lean that the texels don't hold by themselves fades, instead of prior and
+    // texels following each other away.
+    material.mean.head<2>() *= kKeptLean;
     TexelMatrix spread = kPriorTexels * firstCovariance();
     TexelMatrix uncertain = TexelMatrix::Zero();
     for (std::size_t s = 0; s < sample.sites.size(); ++s) {

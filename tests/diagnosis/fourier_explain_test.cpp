@@ -1,0 +1,95 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/diagnosis/explanation.h"
+#include "tests/test_data.h"
+
+namespace patina::test {
+namespace {
+
+/// What the tests know of the shared bundles (their truth files); the program never reads it.
+ExplanationPtr explained(const std::vector<std::string>& bundles) {
+  std::vector<std::filesystem::path> folders;
+  for (const auto& bundle : bundles) folders.push_back(sharedData() / "fourier" / bundle);
+  auto result = explain(folders, {}, {});
+  EXPECT_TRUE(result) << (result ? "" : result.error().sentence());
+  return result ? *result : std::make_shared<Explanation>();
+}
+
+const EffectFinding* added(const Explanation& explanation, const std::string& id) {
+  for (const auto& effect : explanation.effects)
+    if (effect.id == id) return &effect;
+  return nullptr;
+}
+
+double parameter(const EffectFinding& finding, const std::string& name, std::size_t skip = 0) {
+  for (const auto& p : finding.parameters)
+    if (p.name == name && skip-- == 0) return p.value;
+  return std::nan("");
+}
+
+TEST(ExplainFourier, AddsNothingToACaptureWithoutEffects) {
+  PATINA_NEEDS_SHARED("fourier/unknown_4");
+  const ExplanationPtr e = explained({"unknown_4"});
+  EXPECT_TRUE(e->effects.empty()) << e->effects.front().id;
+  EXPECT_DOUBLE_EQ(e->before.holdoutRms, e->after.holdoutRms);
+  EXPECT_LT(e->chi2Before, 1.05);
+  EXPECT_GT(e->budget.size(), 15u);
+}
+
+TEST(ExplainFourier, FindsBrushedHighlightsWithRatioAndDirection) {
+  PATINA_NEEDS_SHARED("fourier/unknown_1");
+  const ExplanationPtr e = explained({"unknown_1"});
+  ASSERT_FALSE(e->effects.empty());
+  EXPECT_EQ(e->effects.front().id, "anisotropy");
+  EXPECT_NEAR(parameter(e->effects.front(), "ratio"), 2.2, 0.12);   // 2.2 in the truth
+  EXPECT_NEAR(parameter(e->effects.front(), "angleDeg"), 30, 1.5);  // 30 in the truth
+  EXPECT_LT(e->after.holdoutRms, 1.1 * e->noiseFloorHoldout);       // 1.88 times before
+  EXPECT_GT(e->before.holdoutRms, 1.8 * e->noiseFloorHoldout);
+}
+
+TEST(ExplainFourier, FindsTwoEffectsAtOnceOneOfThemInOneMaterial) {
+  PATINA_NEEDS_SHARED("fourier/unknown_5");
+  const ExplanationPtr e = explained({"unknown_5"});
+  const EffectFinding* flicker = added(*e, "flicker");
+  const EffectFinding* anisotropy = added(*e, "anisotropy");
+  ASSERT_TRUE(flicker);
+  ASSERT_TRUE(anisotropy);
+  EXPECT_EQ(e->effects.size(), 2u);
+  EXPECT_NEAR(parameter(*flicker, "perPhoto"), 0.012, 0.002);
+  double most = 0;
+  for (const auto& p : anisotropy->parameters)
+    if (p.name == "ratio") most = std::max(most, p.value);
+  EXPECT_NEAR(most, 1.7, 0.1);
+}
+
+TEST(ExplainFourier, NamesAnUnevenScreen) {
+  PATINA_NEEDS_SHARED("fourier/unknown_7_view_1");
+  const ExplanationPtr e = explained({"unknown_7_view_1"});
+  ASSERT_FALSE(e->effects.empty());
+  EXPECT_EQ(e->effects.front().id, "emission-spatial");
+}
+
+TEST(ExplainFourier, StopsSoonWhenAsked) {
+  PATINA_NEEDS_SHARED("fourier/unknown_4");
+  std::stop_source stop;
+  stop.request_stop();
+  JobContext job;
+  job.stop = stop.get_token();
+  const auto result = explain({sharedData() / "fourier" / "unknown_4"}, {}, job);
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, ErrorCode::Cancelled);
+}
+
+TEST(ExplainFourier, SaysWhatIsWrongWithItsOptions) {
+  ExplainOptions options;
+  options.testedTexels = 3;
+  const auto result = explain({"nowhere"}, options, {});
+  ASSERT_FALSE(result);
+  EXPECT_NE(result.error().what.find("testedTexels"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace patina::test
