@@ -1,4 +1,3 @@
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <Eigen/Cholesky>
@@ -252,6 +251,17 @@ class FourierExplainer {
         Candidate& c = all[i];
         if (!acceptable(c)) continue;
         if (!best || c.improvement > best->improvement) best = &c;
+      }
+      // A cause of few numbers before one of a number for each photograph that does hardly better.
+      if (best && best->score.numbers > 50) {
+        Candidate* simple = nullptr;
+        for (const std::size_t i : list) {
+          Candidate& c = all[i];
+          if (acceptable(c) && c.score.numbers < 10 && c.improvement > 0.97 * best->improvement &&
+              (!simple || c.improvement > simple->improvement))
+            simple = &c;
+        }
+        if (simple) best = simple;
       }
       // A named cause before a free form that does hardly better.
       if (best && best->id == "basis-deviation") {
@@ -512,113 +522,9 @@ class FourierExplainer {
     if (out_->chi2After > 1.3)
       out_->remarks.push_back("Something is missing that has no name here: " + out_->unexplained.description);
     out_->breakdowns = residualBreakdowns(session_->captures[0], baseError_.first, after.first);
-    photoLists(after);
-    if (options_.pictures) pictures();
+    listPhotographs(session_->captures[0], baseError_.first, after.first, *out_);
+    if (options_.pictures) drawResidual(*base_, *session_, *out_, job_);
     return Done{};
-  }
-
-  void photoLists(const SessionError& after) {
-    const DiagnosisCapture& capture = session_->captures[0];
-    for (std::size_t r = 0; r < capture.rowCount(); ++r) {
-      const DiagnosisRow& row = capture.rows[r];
-      if (row.photo < 0 || baseError_.first.rowCount[r] <= 0) continue;
-      PhotoResidual photo;
-      photo.photo = row.photo;
-      const FourierPhoto& source = capture.state->capture.photos[static_cast<std::size_t>(row.photo)];
-      photo.file = source.file;
-      photo.what = row.frequency < 0
-                       ? "window"
-                       : "pattern (" + std::to_string(source.frequency.x()) + ", " +
-                             std::to_string(source.frequency.y()) + ") phase " + std::to_string(source.phase);
-      photo.holdout = row.holdout;
-      photo.noise = baseError_.first.rowNoise[r];
-      photo.before = photo.noise * std::sqrt(baseError_.first.rowChi2[r] / baseError_.first.rowCount[r]);
-      photo.after = after.first.rowCount[r] > 0
-                        ? photo.noise * std::sqrt(after.first.rowChi2[r] / after.first.rowCount[r])
-                        : photo.before;
-      out_->photos.push_back(std::move(photo));
-    }
-    std::ranges::sort(out_->photos, std::greater<>(),
-                      [](const PhotoResidual& p) { return p.noise > 0 ? p.before / p.noise : 0; });
-  }
-
-  /// Every site before and after: where the residual lies, and a few photographs beside their predictions.
-  void pictures() {
-    const DiagnosisCapture& capture = session_->captures[0];
-    const FourierFitState& beforeFit = *base_->captures[0].state;
-    const FourierFitState& afterFit = fitState(*out_->fourierAfter);
-    const SiteSet& set = beforeFit.measurements.sites;
-    if (set.size() > 150000 || afterFit.sites.size() != set.size()) return;
-    std::vector<std::size_t> rows;
-    for (const auto& photo : out_->photos) {
-      for (std::size_t r = 0; r < capture.rowCount(); ++r)
-        if (capture.rows[r].photo == photo.photo) rows.push_back(r);
-      if (rows.size() >= 4) break;
-    }
-    out_->placeBefore = Image(set.imageWidth, set.imageHeight, 1);
-    out_->placeAfter = Image(set.imageWidth, set.imageHeight, 1);
-    for (const std::size_t r : rows) {
-      ResidualPicture picture;
-      picture.photo = capture.rows[r].photo;
-      picture.file = beforeFit.capture.photos[static_cast<std::size_t>(picture.photo)].file;
-      for (Image* image :
-           {&picture.captured, &picture.predictedBefore, &picture.predictedAfter, &picture.noiseSigma})
-        *image = Image(set.imageWidth, set.imageHeight, 3);
-      out_->pictures.push_back(std::move(picture));
-    }
-    std::vector<std::vector<std::int32_t>> pixels(set.size());
-    for (std::size_t p = 0; p < set.siteOfPixel.size(); ++p)
-      if (set.siteOfPixel[p] >= 0)
-        pixels[static_cast<std::size_t>(set.siteOfPixel[p])].push_back(static_cast<std::int32_t>(p));
-    FourierDiagnosisModel plain = modelOf(*base_, 0), full = modelOf(*session_, 0);
-    full.setPictures(capture.pictures);
-    tbb::parallel_for(std::size_t{0}, (set.size() + 63) / 64, [&](std::size_t chunk) {
-      if (job_.cancelled()) return;
-      SiteColumns a, b;
-      for (std::size_t s = chunk * 64; s < std::min(set.size(), chunk * 64 + 64); ++s) {
-        const TexelStatus status = beforeFit.siteStatus[s];
-        if (status == TexelStatus::Failed || status == TexelStatus::Clipped ||
-            status == TexelStatus::NotMeasured)
-          continue;
-        DiagnosisSite site;
-        site.site = s;
-        site.cluster = capture.clusterOfSite[s];
-        loadSite(capture, site);
-        plain.evaluate(site, quadrature::kPrediction, a);
-        if (!added_.empty() && !capture.knownLambertian) {
-          site.model = quadratureSite(afterFit, s);
-          site.model.geometry = beforeFit.geometry(s);
-          site.diffuse = afterFit.sites[s].diffuse;
-          site.specular = afterFit.sites[s].specular;
-        }
-        full.evaluate(site, quadrature::kPrediction, b);
-        double before = 0, after = 0, count = 0;
-        for (std::size_t r = 0; r < capture.rowCount(); ++r) {
-          for (std::size_t c = 0; c < 3; ++c) {
-            const double w = site.weight[r * 3 + c];
-            if (w <= 0) continue;
-            before += w * std::pow(site.measured[r * 3 + c] - a.predicted[r * 3 + c], 2);
-            after += w * std::pow(site.measured[r * 3 + c] - b.predicted[r * 3 + c], 2);
-            ++count;
-          }
-        }
-        for (const std::int32_t pixel : pixels[s]) {
-          const int x = pixel % set.imageWidth, y = pixel / set.imageWidth;
-          out_->placeBefore.at(x, y) = static_cast<float>(before / std::max(count, 1.0));
-          out_->placeAfter.at(x, y) = static_cast<float>(after / std::max(count, 1.0));
-          for (std::size_t k = 0; k < rows.size(); ++k) {
-            for (int c = 0; c < 3; ++c) {
-              const std::size_t at = rows[k] * 3 + static_cast<std::size_t>(c);
-              out_->pictures[k].captured.at(x, y, c) = site.measured[at];
-              out_->pictures[k].predictedBefore.at(x, y, c) = a.predicted[at];
-              out_->pictures[k].predictedAfter.at(x, y, c) = b.predicted[at];
-              out_->pictures[k].noiseSigma.at(x, y, c) =
-                  site.weight[at] > 0 ? 1 / std::sqrt(site.weight[at]) : 0;
-            }
-          }
-        }
-      }
-    });
   }
 
   static constexpr std::size_t kRefits = 6, kRefitSites = 150, kFinalSites = 400;

@@ -29,4 +29,13 @@ std::vector<ResidualBreakdown> residualBreakdowns(const DiagnosisCapture& captur
 /// What is left: where and at which frequencies, in words.
 std::string describeRest(const DiagnosisCapture& capture, const ModelError& after);
 
+/// Every photograph's error before and after, worst first: `out.photos`.
+void listPhotographs(const DiagnosisCapture& capture, const ModelError& before, const ModelError& after,
+                     Explanation& out);
+/// Where the residual lies, and a few photographs beside their predictions: `out.placeBefore`, `placeAfter`,
+/// `pictures`. `out.photos` and the fits must be there. Nothing where the sheet has more than 150,000 points.
+/// Parallel.
+void drawResidual(const DiagnosisSession& before, const DiagnosisSession& after, Explanation& out,
+                  const JobContext& job);
+
 }  // namespace patina
