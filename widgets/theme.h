@@ -32,8 +32,8 @@ inline constexpr QColor kGood{108, 190, 122};
 void apply(QApplication& application);
 
 /// Icons drawn from paths at the size asked for, so that they are sharp on any display. Names: "open",
-/// "save", "fit", "explain", "cancel", "undo", "redo", "zoom-fit", "zoom-actual", "auto-range", "reset", "light",
-/// "close", "options", "app".
+/// "save", "fit", "explain", "cancel", "undo", "redo", "zoom-fit", "zoom-actual", "auto-range", "reset",
+/// "light", "close", "options", "app".
 QIcon icon(const QString& name);
 
 /// A font with figures of equal width, for numbers that change under the cursor.

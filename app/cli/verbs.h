@@ -47,8 +47,8 @@ void addCommonOptions(CLI::App& verb, Context& context);
 
 void addFitVerb(CLI::App& program, Context& context);
 void addExplainVerb(CLI::App& program, Context& context);  // explain.cpp
-void addBrdfVerb(CLI::App& program, Context& context);  // brdf.cpp
-void addDemoVerb(CLI::App& program, Context& context);  // demo.cpp
+void addBrdfVerb(CLI::App& program, Context& context);     // brdf.cpp
+void addDemoVerb(CLI::App& program, Context& context);     // demo.cpp
 void addPlanVerb(CLI::App& program, Context& context);
 void addExpectVerb(CLI::App& program, Context& context);
 void addBasisVerb(CLI::App& program, Context& context);
