@@ -56,9 +56,9 @@ using Tag = hn::CappedTag<float, q::kPad>;
 using Vec = hn::Vec<Tag>;
 using Mask = hn::Mask<Tag>;
 
-#include "engine/diagnosis/screen_quadrature.inc"
 #include "engine/fourier/lanes.inc"
-
+// after lanes.inc
+#include "engine/diagnosis/screen_quadrature.inc"
 }  // namespace patina::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

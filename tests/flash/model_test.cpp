@@ -37,7 +37,7 @@ TEST(FlashModel, IsTheSurfacesOwnLobeUnderAPointLight) {
   material.diffuse = texel.diffuse().cast<float>(), material.specular = texel.specular().cast<float>();
   material.normal = texel.normal().cast<float>();
   material.sigma = 0.12f, material.kurtosis = 1.4f;
-  for (const Eigen::Vector2d at :
+  for (const Eigen::Vector2d& at :
        {Eigen::Vector2d(0, 0), Eigen::Vector2d(25, -28), Eigen::Vector2d(-30, 12)}) {
     const FlashRay ray = flashRay(capture.photos[0], at);
     const Eigen::Array3d got = flashLight(capture, rig, 0, ray, lobe, texel);
