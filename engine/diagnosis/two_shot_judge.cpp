@@ -13,7 +13,7 @@ namespace {
 constexpr double kModelDoubt = 8;
 /// A term of the surface must take this off the error of the photographs that were fitted and of those held
 /// out; without any held out, the second bound is for the fitted ones.
-constexpr double kSurfaceFit = 0.6, kSurfaceHeld = 0.9, kSurfaceFitAlone = 0.35;
+constexpr double kSurfaceFit = 0.45, kSurfaceHeld = 0.9, kSurfaceFitAlone = 0.35;
 /// The reconstruction with an effect of the set-up may predict held-out photographs worse by this and no
 /// more.
 constexpr double kWorseHeld = 1.03;

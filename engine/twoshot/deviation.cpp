@@ -86,8 +86,8 @@ void gaussPass(std::vector<double>& line, std::vector<double>& out, double sigma
 }
 
 void blurLine(std::vector<double>& line, std::vector<double>& scratch, double sigma) {
-  if (sigma < 3) return gaussPass(line, scratch, sigma);
-  // Three running means of the same length come within 3 % of a Gaussian.
+  if (sigma < 8) return gaussPass(line, scratch, sigma);
+  // Three running means of the same length come within 10 % of the variance where it is as wide as this.
   const int radius = std::max(1, static_cast<int>(std::lround((std::sqrt(4 * sigma * sigma + 1) - 1) / 2)));
   for (int pass = 0; pass < 3; ++pass) boxPass(line, scratch, radius);
 }

@@ -101,7 +101,7 @@ struct TwoShotDeviation {
   std::shared_ptr<const TabulatedBrdf> withSurfaceTerms(std::shared_ptr<const TabulatedBrdf> table) const;
 };
 
-/// A photograph blurred by a Gaussian, edges repeated. Cost: independent of the width above 3 pixels.
+/// A photograph blurred by a Gaussian, edges repeated. Cost: independent of the width above 8 pixels.
 Image blurredImage(const Image& image, double sigmaPx);
 /// Squared distance of a pixel from the picture's middle over that of its corner.
 double cornerShareOf(const Camera& camera, double x, double y);
