@@ -33,6 +33,7 @@ std::string stageTitle(std::string_view stage) {
       {"residual", "Looking at what is left"},
       {"score", "Trying every effect on it"},
       {"refit", "Fitting again with the likely ones"},
+      {"correct", "Taking out what was found"},
       {"report", "Writing the report"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);

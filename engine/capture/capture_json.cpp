@@ -180,13 +180,14 @@ void requireFourier(JsonObject& file) {
   }
   if (kind == "flash") {
     file.fail(ErrorCode::Unsupported, "kind",
-              "this is a 'flash' capture, and fitting those is not built into this version of Patina yet",
-              "open a bundle of kind 'fourier' or 'two-shot'");
+              "this is a 'flash' capture, and not of kind 'fourier'",
+              "open it as a flash capture: the window and patina-cli fit tell the kinds apart by "
+              "themselves");
   }
   if (kind != "fourier") {
     file.fail(ErrorCode::Unsupported, "kind",
               inQuotes(kind) + " is not a kind of capture that this program knows",
-              "open a bundle of kind 'fourier' or 'two-shot'");
+              "open a bundle of kind 'fourier', 'two-shot' or 'flash'");
   }
 }
 

@@ -10,6 +10,9 @@
 #include "engine/diagnosis/explain_kinds.h"
 #include "engine/diagnosis/fourier_corrections.h"
 #include "engine/diagnosis/fourier_findings.h"
+#include "engine/diagnosis/fourier_suggest.h"
+#include "engine/diagnosis/residual_components.h"
+#include "engine/diagnosis/site_horizon.h"
 #include "engine/effect/effect_info.h"
 
 namespace patina {
@@ -40,6 +43,8 @@ struct Candidate {
   double heldGain = 0, heldSd = 0;
   double betterPatches = 0;  ///< share of the patches whose held-out photographs it predicts better
   double heldRms = -1;
+  double explained = 0;  ///< share of the residual above noise
+  double noiseGain = 0;  ///< fall of chi2, fitted and held out, with noise alone as the unit
   std::optional<DiagnosisSession> session;
   RefitResult refit;
 };
@@ -115,7 +120,7 @@ class FourierExplainer {
     reweigh();
     baseError_ = sessionError(*session_, job_);
     base_.emplace(*session_);
-    out_->chi2Before = baseError_.chi2 / std::max(baseError_.count, 1.0);
+    out_->chi2Before = baseError_.first.noiseChi2 / std::max(baseError_.first.noiseCount, 1.0);
     time("residual", residual);
     if (job_.cancelled()) return cancelled();
     return Done{};
@@ -125,7 +130,9 @@ class FourierExplainer {
     for (std::size_t k = 0; k < session_->captures.size(); ++k) {
       FourierDiagnosisModel model = modelOf(*session_, k);
       model.setPictures(session_->captures[k].pictures);
+      session_->captures[k].inflation.clear();
       setRobustWeights(session_->captures[k], model, job_);
+      inflateScatter(session_->captures[k], model, job_);
     }
     refineSession(*session_, 3, job_, false);
   }
@@ -147,6 +154,15 @@ class FourierExplainer {
     }
     for (auto& c : all) c.correctedP = std::min(1.0, c.correctedP * static_cast<double>(all.size()));
     std::ranges::sort(all, std::greater<>(), [](const Candidate& c) { return c.score.logEvidence / c.phi; });
+    for (const auto& c : all) {
+      char text[200];
+      std::snprintf(
+          text, sizeof text,
+          "score %s: gain %.1f for %d numbers, log evidence %.1f, held-out gain %.1f +- %.1f, p %.2g",
+          c.id.c_str(), c.score.gain, c.score.numbers, c.score.logEvidence, c.score.heldGain, c.score.heldSd,
+          c.correctedP);
+      job_.info(text);
+    }
     return all;
   }
 
@@ -187,12 +203,15 @@ class FourierExplainer {
         break;
       }
       const auto refitting = Clock::now();
-      DiagnosisSession small = thinned(*session_, kRefitSites);
+      // Weak effects need all sites, strong ones few.
+      double mostGain = 1;
+      for (const Candidate& c : all)
+        if (c.correctedP < options_.falseAlarmRate && c.score.logEvidence > 0)
+          mostGain = std::max(mostGain, c.score.gain);
+      const auto refitSites = std::clamp(static_cast<std::size_t>(kRefitSites * kPlentyOfGain / mostGain),
+                                         kRefitSites, session_->captures[0].sites.size());
+      DiagnosisSession small = thinned(*session_, refitSites);
       const SessionError before = sessionError(small, job_);
-      if (round == 0) {
-        firstExcess_ = std::max(0.0, before.all() - before.count - before.heldCount);
-        firstHeldExcess_ = std::max(0.0, before.heldChi2 - before.heldCount);
-      }
       const std::vector<std::size_t> list = shortlist(all);
       std::size_t done = 0;
       double mostImprovement = 0;
@@ -200,8 +219,8 @@ class FourierExplainer {
         Candidate& c = all[i];
         // First order tells more than the truth for weak effects and less for strong ones, but not by so
         // much.
-        const double share = static_cast<double>(kRefitSites) / static_cast<double>(std::max<std::size_t>(
-                                                                    session_->captures[0].sites.size(), 1));
+        const double share = static_cast<double>(refitSites) / static_cast<double>(std::max<std::size_t>(
+                                                                   session_->captures[0].sites.size(), 1));
         if (c.id != "self-shadowing" && c.id != "screen-drift" &&
             2 * c.score.gain * std::min(1.0, share) < mostImprovement)
           continue;
@@ -216,6 +235,7 @@ class FourierExplainer {
         c.phi = phi;
         double numbers = c.score.numbers;
         if (c.id == "flicker" || c.id == "ambient-drift") numbers += static_cast<double>(heldRows());
+        if (c.id == "self-shadowing") numbers = horizonsOf(trial);
         c.improvement = before.all() - c.refit.error.all() - phi * numbers * kNumberCost;
         c.heldGain = before.heldChi2 - c.refit.error.heldChi2;
         if (c.id == "flicker" || c.id == "ambient-drift") c.heldGain -= phi * static_cast<double>(heldRows());
@@ -230,17 +250,22 @@ class FourierExplainer {
         }
         c.betterPatches /= std::max(seen, 1.0);
         c.heldRms = c.refit.error.first.heldRms;
+        c.noiseGain = before.noise - c.refit.error.noise;
+        c.explained = std::clamp((before.first.noiseChi2 - c.refit.error.first.noiseChi2) /
+                                     std::max(before.first.noiseChi2 - before.first.noiseCount, 1.0),
+                                 0.0, 1.0);
         if (c.plausible) mostImprovement = std::max(mostImprovement, c.improvement);
         c.session.emplace(std::move(trial));
         char text[256];
-        std::snprintf(
-            text, sizeof text,
-            "%s: chi-square %.3f to %.3f, held out %.3f to %.3f, gain %.0f, held-out gain %.0f +- %.0f%s",
-            c.id.c_str(), before.chi2 / std::max(before.count, 1.0),
-            c.refit.error.chi2 / std::max(c.refit.error.count, 1.0),
-            before.heldChi2 / std::max(before.heldCount, 1.0),
-            c.refit.error.heldChi2 / std::max(c.refit.error.heldCount, 1.0), c.improvement, c.heldGain,
-            c.heldSd, c.plausible ? "" : ", beyond what makes sense");
+        std::snprintf(text, sizeof text,
+                      "%s: chi-square %.3f to %.3f, held out %.3f to %.3f, gain %.0f (%.0f of noise), "
+                      "held-out gain %.0f +- "
+                      "%.0f%s",
+                      c.id.c_str(), before.chi2 / std::max(before.count, 1.0),
+                      c.refit.error.chi2 / std::max(c.refit.error.count, 1.0),
+                      before.heldChi2 / std::max(before.heldCount, 1.0),
+                      c.refit.error.heldChi2 / std::max(c.refit.error.heldCount, 1.0), c.improvement,
+                      c.noiseGain, c.heldGain, c.heldSd, c.plausible ? "" : ", beyond what makes sense");
         job_.info(text);
         job_.progress("refit", static_cast<std::int64_t>(++done), static_cast<std::int64_t>(list.size()),
                       "candidates");
@@ -252,12 +277,13 @@ class FourierExplainer {
         if (!acceptable(c)) continue;
         if (!best || c.improvement > best->improvement) best = &c;
       }
-      // A cause of few numbers before one of a number for each photograph that does hardly better.
+      // A cause of few numbers before one of a number for each photograph that does little better: with the
+      // first in, the second must earn its numbers again.
       if (best && best->score.numbers > 50) {
         Candidate* simple = nullptr;
         for (const std::size_t i : list) {
           Candidate& c = all[i];
-          if (acceptable(c) && c.score.numbers < 10 && c.improvement > 0.97 * best->improvement &&
+          if (acceptable(c) && c.score.numbers < 10 && c.improvement > kOrdered * best->improvement &&
               (!simple || c.improvement > simple->improvement))
             simple = &c;
         }
@@ -281,6 +307,7 @@ class FourierExplainer {
       const double share = secondShare(all, list, *best);
       firstConfidence_.push_back(confidenceOf(*best, share));
       const std::string id = best->id;
+      mostAdded_ = std::max(mostAdded_, best->noiseGain);
       scores_[id] = *best;
       scores_[id].session.reset();
       // All tested sites, started from the small set's strengths.
@@ -289,13 +316,22 @@ class FourierExplainer {
       DiagnosisSession middle = thinned(*session_, kFinalSites);
       refineSession(middle, 4, job_, false);
       refit_ = refitEffects(middle, added_, 6, job_);
-      session_->states = middle.states;
-      refineSession(*session_, 5, job_, false);
+      takeOver(middle);
       plots_[id] = signature(id);
       reweigh();
       if (job_.cancelled()) return cancelled();
     }
     return Done{};
+  }
+
+  /// All tested sites under the strengths of a smaller set.
+  void takeOver(const DiagnosisSession& from) {
+    session_->states = from.states;
+    refineSession(*session_, 4, job_, false);
+    for (std::size_t k = 0; k < session_->captures.size(); ++k)
+      if (session_->states[k].has("self-shadowing"))
+        findHorizons(session_->captures[k], modelOf(*session_, k), job_);
+    refineSession(*session_, 5, job_, false);
   }
 
   /// Of one effect alone, against the base, for its picture.
@@ -305,11 +341,18 @@ class FourierExplainer {
     return signatureByFrequency(few, test, id, job_);
   }
 
+  /// Numbers of self-shadowing: a horizon for each site that has one.
+  static double horizonsOf(const DiagnosisSession& session) {
+    double n = 0;
+    for (const auto& capture : session.captures)
+      for (const auto& site : capture.sites) n += site.ownHorizon;
+    return n;
+  }
+
   bool acceptable(const Candidate& c) const {
     if (!c.tried || !c.plausible || c.improvement <= kLeastImprovement * c.phi) return false;
-    // What has been added is itself modelled to some part in a hundred: less than that of the residual that
-    // there was may be its shadow.
-    if (c.improvement < kShadow * firstExcess_ || c.heldGain < kShadow * firstHeldExcess_) return false;
+    // What has been added is itself modelled to some part in a hundred: less than that may be its shadow.
+    if (c.noiseGain < kShadow * mostAdded_) return false;
     if (heldRows() == 0) return true;
     // Beyond its uncertainty; or, where a few patches hold most of it, in nearly all patches.
     return c.heldGain > kLeastHeldGain * c.phi && (c.heldGain > 2 * c.heldSd || c.betterPatches > 0.75);
@@ -352,7 +395,7 @@ class FourierExplainer {
     std::vector<std::string> group = {best.id};
     for (const auto& [gap, id] : others)
       if (group.size() < 3) group.push_back(id);
-    out_->suggest.push_back(suggestCapture(group[0], group[1]));
+    out_->suggest.push_back(suggestCapture(*session_, test, group[0], group[1], job_));
     out_->confusable.push_back(std::move(group));
   }
 
@@ -362,8 +405,6 @@ class FourierExplainer {
       finding.id = c.id;
       finding.sigmas = sigmasOf(c.score.gain / c.phi, c.score.numbers);
       finding.correctedP = c.correctedP;
-      const double excess = std::max(baseError_.chi2 - baseError_.count, 1.0);
-      finding.explained = std::clamp(c.score.gain / excess, 0.0, 1.0);
       if (c.correctedP >= options_.falseAlarmRate)
         finding.verdict = "Not needed: the photographs show no more of it than noise would.";
       else
@@ -377,6 +418,7 @@ class FourierExplainer {
       const Candidate& c = all[i];
       for (auto& finding : out_->considered) {
         if (finding.id != c.id) continue;
+        finding.explained = c.explained;
         finding.holdoutRmsWith = c.heldRms;
         finding.holdoutRmsWithout = baseError_.first.heldRms;
         if (!c.plausible)
@@ -401,8 +443,7 @@ class FourierExplainer {
     DiagnosisSession middle = thinned(*session_, kFinalSites);
     refineSession(middle, 4, job_, false);
     refit_ = refitEffects(middle, ids, 6, job_);
-    session_->states = middle.states;
-    refineSession(*session_, 5, job_, false);
+    takeOver(middle);
     for (const auto& id : ids) {
       plots_[id] = signature(id);
       firstConfidence_.push_back(1);
@@ -430,7 +471,7 @@ class FourierExplainer {
       const double phi = std::max(1.0, with.chi2 / std::max(with.count, 1.0));
       const double loss = refit.error.all() - with.all();
       withoutRms_[added_[k]] = refit.error.first.heldRms;
-      if (loss < std::max(kLeastImprovement * phi, kShadow * firstExcess_)) {
+      if (loss < kLeastImprovement * phi || refit.error.noise - with.noise < kShadow * mostAdded_) {
         dropped_.push_back(added_[k]);
         added_ = others;
         session_->states = trial.states;
@@ -448,9 +489,9 @@ class FourierExplainer {
     dropUnneeded();
     if (job_.cancelled()) return cancelled();
     const SessionError after = sessionError(*session_, job_);
-    out_->chi2After = after.count > 0 ? after.chi2 / after.count : 0;
+    out_->chi2After = after.first.noiseChi2 / std::max(after.first.noiseCount, 1.0);
     if (!last_) last_.emplace(scoreSession(*session_, {}, job_));
-    const double phi = std::max(1.0, out_->chi2After);
+    const double phi = std::max(1.0, after.chi2 / std::max(after.count, 1.0));
     time("residual", start);
 
     const auto maps = Clock::now();
@@ -464,6 +505,7 @@ class FourierExplainer {
       fitOptions.size = options_.size;
       fitOptions.corrections = corrected->corrections;
       auto fit = fitFourier(corrected->capture, fitOptions, job_);
+      corrected_.emplace(std::move(*corrected));
       if (!fit) return fit.error();
       if ((*fit)->stats().cancelled) return cancelled();
       out_->fourierAfter = *fit;
@@ -497,7 +539,7 @@ class FourierExplainer {
                                   : withoutRms_.contains(id) ? withoutRms_[id]
                                                              : out_->before.holdoutRms;
       finding.curves = effectCurves(*session_, id);
-      finding.maps = effectMaps(*session_, id);
+      finding.maps = effectMaps(*session_, id, corrected_ ? &*corrected_ : nullptr);
       if (plots_.contains(id) && !plots_[id].x.empty()) finding.plots.push_back(plots_[id]);
       out_->effects.push_back(std::move(finding));
     }
@@ -531,19 +573,22 @@ class FourierExplainer {
   static constexpr double kNumberCost = 4;  ///< chi2 that a number must earn
   static constexpr double kLeastImprovement = 25, kLeastHeldGain = 6;
   static constexpr double kShadow = 0.015;
+  static constexpr double kPlentyOfGain = 3000;  ///< of the score: with as much, kRefitSites tell
+  static constexpr double kOrdered = 0.7;
 
   ExplainOptions options_;
   JobContext job_;
   std::shared_ptr<Explanation> out_;
   std::optional<DiagnosisSession> session_, base_;
   SessionError baseError_;
-  double firstExcess_ = 0, firstHeldExcess_ = 0;
+  double mostAdded_ = 0;  ///< largest noiseGain of what was added
   std::vector<std::string> added_, dropped_;
   std::vector<double> firstConfidence_;
   std::map<std::string, Candidate> scores_;
   std::map<std::string, SignaturePlot> plots_;
   std::map<std::string, double> withoutRms_;
   std::optional<ScoreTest> last_;
+  std::optional<CorrectedCapture> corrected_;
   RefitResult refit_;
 };
 

@@ -12,6 +12,8 @@ namespace {
 
 using quadrature::Want;
 
+constexpr int kDiffuseHorizon = int{quadrature::kDiffuseLight} + int{quadrature::kHorizonAt},
+              kSpecularHorizon = int{quadrature::kSpecularLight} + int{quadrature::kHorizonAt};
 constexpr double kTurnStepRad = 1e-3, kShiftStepMm = 0.5;
 
 /// Steps of the heights' polynomials over half the sample.
@@ -146,7 +148,8 @@ FourierDiagnosisModel::FourierDiagnosisModel(const DiagnosisCapture& capture, co
 /// Direction of a stretch along the plane of view, in the sample's frame: cosine and sine of twice its
 /// azimuth.
 std::array<double, 2> FourierDiagnosisModel::planeOfView(const QuadratureSite& site) const {
-  const Eigen::Vector3d view = cameraMm_ - Eigen::Vector3d(site.pointMm.x(), site.pointMm.y(), 0);
+  const Eigen::Vector3d view =
+      (site.cameraMm ? *site.cameraMm : cameraMm_) - Eigen::Vector3d(site.pointMm.x(), site.pointMm.y(), 0);
   const double angle = 2 * std::atan2(view.y(), view.x());
   return {std::cos(angle), std::sin(angle)};
 }
@@ -160,11 +163,12 @@ QuadratureSite FourierDiagnosisModel::moved(const QuadratureSite& site, int axis
   if (axis >= 3) shift[axis - 3] += shiftMm;
   frame.originUnits += shift / frame.unitMm;
   // A raised point lies farther along its pixel's ray.
+  const Eigen::Vector3d& camera = site.cameraMm ? *site.cameraMm : cameraMm_;
   Eigen::Vector3d point(site.pointMm.x(), site.pointMm.y(), 0);
-  const Eigen::Vector3d ray = cameraMm_ - point;
+  const Eigen::Vector3d ray = camera - point;
   point += ray * (heightMm / ray.z());
   QuadratureSite out = site;
-  out.geometry = siteGeometry(frame, point, cameraMm_);
+  out.geometry = siteGeometry(frame, point, camera);
   out.screenFromWorld = &turned_[turn];
   return out;
 }
@@ -182,8 +186,9 @@ QuadratureSite FourierDiagnosisModel::placed(const DiagnosisSite& site) const {
     at = moved(at, -1, 0, height);
   }
   const std::array<double, 2> inPlane = planeOfView(site.model);
-  at.stretch1 += static_cast<float>(material.stretch[0] + material.inPlane * inPlane[0]);
-  at.stretch2 += static_cast<float>(material.stretch[1] + material.inPlane * inPlane[1]);
+  at.stretch1 += site.stretch[0] + static_cast<float>(material.stretch[0] + material.inPlane * inPlane[0]);
+  at.stretch2 += site.stretch[1] + static_cast<float>(material.stretch[1] + material.inPlane * inPlane[1]);
+  at.horizonSine = site.horizonSine;
   at.fresnelPower = static_cast<float>(material.fresnelPower);
   for (std::size_t k = 0; k < 3; ++k) at.freeForm[k] = static_cast<float>(material.freeForm[k]);
   return at;
@@ -199,7 +204,9 @@ void FourierDiagnosisModel::light(const DiagnosisSite& site, Want want, SiteColu
                      material.iridescence[1] != 0;
   out.quadrature.resize(static_cast<std::size_t>(quadrature::kColumns) * rows);
   out.light.resize(rows * 3);
-  out.onScreen = quadrature_.evaluate(placed(site), terms ? Want::kEverything : want, out.quadrature.data());
+  const bool horizon = site.horizonSine > 0 && want != Want::kPrediction;
+  out.onScreen =
+      quadrature_.evaluate(placed(site), terms || horizon ? Want::kEverything : want, out.quadrature.data());
   const float level = static_cast<float>(std::exp(state_.level));
   const float* d = out.quadrature.data();
   const float* s = d + static_cast<std::size_t>(quadrature::kSpecularStart) * rows;
@@ -432,6 +439,13 @@ void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteC
       out.own(row, kOwnDiffuse + c) = m * d[r];
       out.own(row, kOwnSpecular + c) = m * s[r];
       out.own(row, kOwnBlack + c) = 1;
+      if (site.ownHorizon && site.horizonSine > 0)
+        out.own(row, kOwnHorizon) = m * (ad * d[static_cast<std::size_t>(kDiffuseHorizon) * rows + r] +
+                                         as * specular(kSpecularHorizon, r));
+      if (site.ownStretch) {
+        out.own(row, kOwnStretch) = m * as * specular(quadrature::kStretch1, r);
+        out.own(row, kOwnStretch + 1) = m * as * specular(quadrature::kStretch2, r);
+      }
     }
   }
   if (!everything) return;

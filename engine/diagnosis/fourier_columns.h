@@ -97,7 +97,7 @@ struct SiteColumns {
   std::vector<float> quadrature;  ///< ScreenQuadrature's columns
   std::vector<float> light;       ///< [row][R G B] without black level, before time, lens and sensor
   std::vector<float> predicted;   ///< [row][R G B] as photographed
-  Eigen::MatrixXd own;     ///< rows * 3 (channel-major: c * rows + row) x 13: the site's own parameters
+  Eigen::MatrixXd own;  ///< rows * 3 (channel-major: c * rows + row) x kOwnCount: the site's own parameters
   Eigen::MatrixXd effect;  ///< likewise x denseCount
   Eigen::MatrixXd gain,
       offset;  ///< [row x 3] of the sparse columns: d / d photoGain[row], d / d photoOffset[row]
@@ -113,7 +113,9 @@ enum OwnParameter {
   kOwnDiffuse,
   kOwnSpecular = kOwnDiffuse + 3,
   kOwnBlack = kOwnSpecular + 3,
-  kOwnCount = kOwnBlack + 3
+  kOwnHorizon = kOwnBlack + 3,  ///< sine; free where the site has a horizon of its own
+  kOwnStretch,                  ///< two; free where the site may differ from its material
+  kOwnCount = kOwnStretch + 2
 };
 
 /// Everything that predicts photographs at sites of one capture under one state.

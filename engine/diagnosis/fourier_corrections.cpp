@@ -9,6 +9,8 @@
 #include <atomic>
 #include <cmath>
 
+#include "engine/diagnosis/site_horizon.h"
+
 namespace patina {
 namespace {
 
@@ -50,7 +52,7 @@ Result<CorrectedCapture> correctCapture(const DiagnosisSession& session, std::si
   const DiagnosisCapture& capture = session.captures[index];
   const EffectState& state = session.states[index];
   const FourierFitState& fit = *capture.state;
-  CorrectedCapture out{fit.capture, nullptr};
+  CorrectedCapture out{fit.capture, nullptr, {}, {}};
   auto corrections = std::make_shared<FourierCorrections>();
   const double scale = capture.fullScale;
 
@@ -156,6 +158,8 @@ Result<CorrectedCapture> correctCapture(const DiagnosisSession& session, std::si
     full.setPictures(capture.pictures);
     with.setPictures(capture.pictures);
     std::atomic<std::int64_t> done{0};
+    out.horizonSine.assign(sites, 0);
+    out.stretch.assign(sites, {0, 0});
     constexpr std::size_t kChunk = 64;
     tbb::parallel_for(std::size_t{0}, (sites + kChunk - 1) / kChunk, [&](std::size_t chunk) {
       if (job.cancelled()) return;
@@ -179,12 +183,19 @@ Result<CorrectedCapture> correctCapture(const DiagnosisSession& session, std::si
         loadSite(part, site);
         part.sites.push_back(std::move(site));
       }
-      refineSites(part, full, 4, job, false);
+      if (state.has("anisotropy"))
+        for (DiagnosisSite& site : part.sites) site.ownStretch = true;
+      refineSites(part, full, state.has("anisotropy") ? 7 : 4, job, false);
+      if (state.has("self-shadowing")) findHorizons(part, full, job, &capture.sites);
       SiteColumns a, b;
       for (const DiagnosisSite& site : part.sites) {
         if (job.cancelled()) return;
         with.evaluate(site, quadrature::kPrediction, a);
-        without.evaluate(site, quadrature::kPrediction, b);
+        DiagnosisSite bare = site;
+        bare.horizonSine = 0, bare.stretch = {0, 0};
+        without.evaluate(bare, quadrature::kPrediction, b);
+        out.horizonSine[site.site] = site.horizonSine;
+        out.stretch[site.site] = site.stretch;
         SvbrdfParameters& p = (*parameters)[site.site];
         p.diffuse = site.diffuse;
         p.specular = site.specular;

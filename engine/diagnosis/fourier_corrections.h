@@ -14,6 +14,8 @@ namespace patina {
 struct CorrectedCapture {
   FourierCapture capture;
   std::shared_ptr<const FourierCorrections> corrections;
+  std::vector<float> horizonSine;  ///< of every site of the fit, where self-shadowing was added; else empty
+  std::vector<std::array<float, 2>> stretch;  ///< beyond the material's, where anisotropy was added
 };
 /// Errors: Cancelled. Parallel; about 0.3 ms a site and core where sites have to be predicted.
 Result<CorrectedCapture> correctCapture(const DiagnosisSession& session, std::size_t capture,

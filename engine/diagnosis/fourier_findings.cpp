@@ -106,14 +106,22 @@ std::vector<EffectEstimate> effectParameters(const DiagnosisSession& session, st
     put("share", "", share, sd("2 mm"));
     put("distanceMm", "mm", share != 0 ? (2 * state.subsurface[0] + 6 * state.subsurface[1]) / share : 2, 2);
   } else if (id == "self-shadowing") {
-    const double tilt = std::hypot(state.screen.horizonTiltX, state.screen.horizonTiltY);
-    put("horizonDeg", "degrees",
-        kDegrees *
-            std::max(std::atan(tilt) + std::asin(std::clamp<double>(state.screen.horizonSine, -1, 1)), 0.0),
-        sd("3") * kDegrees);
-    if (tilt > 0.2)
-      put("towardsDeg", "degrees",
-          kDegrees * std::atan2(state.screen.horizonTiltY, state.screen.horizonTiltX), sd("2") * kDegrees);
+    // Of the places that have a horizon: how high it typically is, and how many there are.
+    std::vector<double> degrees;
+    double usable = 0;
+    for (const DiagnosisSite& site : capture.sites) {
+      usable += site.usable;
+      if (site.usable && site.ownHorizon)
+        degrees.push_back(kDegrees * std::asin(std::clamp<double>(site.horizonSine, 0, 1)));
+    }
+    std::ranges::sort(degrees);
+    const auto quantile = [&](double share) {
+      return degrees.empty()
+                 ? 0.0
+                 : degrees[static_cast<std::size_t>(share * static_cast<double>(degrees.size() - 1))];
+    };
+    put("horizonDeg", "degrees", quantile(0.5), 0.5 * (quantile(0.84) - quantile(0.16)));
+    put("share", "of the sample", usable > 0 ? static_cast<double>(degrees.size()) / usable : 0, 0);
   } else if (id == "emission-angular") {
     // At 45 degrees from the screen's perpendicular, mean of the four directions, against straight on.
     double edge = 0;
@@ -221,30 +229,52 @@ std::vector<PhotoCurve> effectCurves(const DiagnosisSession& session, std::strin
   return {sorted};
 }
 
-std::map<std::string, Image> effectMaps(const DiagnosisSession& session, std::string_view id) {
-  if (!EffectColumns::perMaterial(id) || id == "subsurface") return {};
+std::map<std::string, Image> effectMaps(const DiagnosisSession& session, std::string_view id,
+                                        const CorrectedCapture* corrected) {
+  const bool horizon = id == "self-shadowing";
+  if (!(EffectColumns::perMaterial(id) || horizon) || id == "subsurface") return {};
   const DiagnosisCapture& capture = session.captures[0];
   const SvbrdfMaps& maps = capture.fit->maps();
-  const auto at = [&](int x, int y) { return capture.state->siteOfTexel(x, y); };
   std::map<std::string, Image> out;
-  const auto fill = [&](const char* name, auto value) {
+  const auto fillSites = [&](const char* name, auto value) {
     Image image(maps.width, maps.height, 1);
     for (int y = 0; y < maps.height; ++y) {
       for (int x = 0; x < maps.width; ++x) {
-        const std::int64_t site = at(x, y);
-        if (site < 0) continue;
-        const std::size_t k = capture.clusterOfSite[static_cast<std::size_t>(site)];
-        if (k < session.states[0].material.size())
-          image.at(x, y, 0) = static_cast<float>(value(session.states[0].material[k]));
+        const std::int64_t site = capture.state->siteOfTexel(x, y);
+        if (site >= 0) image.at(x, y, 0) = static_cast<float>(value(static_cast<std::size_t>(site)));
       }
     }
     out.emplace(name, std::move(image));
   };
+  const auto materialOf = [&](std::size_t site) {
+    const std::size_t k = capture.clusterOfSite[site];
+    const auto& all = session.states[0].material;
+    return k < all.size() ? all[k] : EffectState::Material{};
+  };
+  const auto fill = [&](const char* name, auto value) {
+    fillSites(name, [&](std::size_t site) { return value(materialOf(site)); });
+  };
+  if (horizon) {
+    if (!corrected || corrected->horizonSine.empty()) return {};
+    fillSites("horizon_deg", [&](std::size_t site) {
+      return kDegrees * std::asin(std::clamp<double>(corrected->horizonSine[site], 0, 1));
+    });
+    return out;
+  }
   using M = EffectState::Material;
   if (id == "anisotropy") {
-    fill("anisotropy_ratio", [](const M& m) { return std::exp(std::hypot(m.stretch[0], m.stretch[1])); });
-    fill("anisotropy_angle_deg",
-         [](const M& m) { return 0.5 * kDegrees * std::atan2(m.stretch[1], m.stretch[0]); });
+    // The material's, and what each texel has beyond it.
+    const auto stretch = [&](std::size_t site) {
+      const M m = materialOf(site);
+      const bool own = corrected && !corrected->stretch.empty();
+      return Eigen::Vector2d(m.stretch[0] + (own ? corrected->stretch[site][0] : 0.0),
+                             m.stretch[1] + (own ? corrected->stretch[site][1] : 0.0));
+    };
+    fillSites("anisotropy_ratio", [&](std::size_t site) { return std::exp(stretch(site).norm()); });
+    fillSites("anisotropy_angle_deg", [&](std::size_t site) {
+      const Eigen::Vector2d s = stretch(site);
+      return 0.5 * kDegrees * std::atan2(s.y(), s.x());
+    });
   } else if (id == "third-lobe") {
     fill("third_lobe_share", [](const M& m) { return m.third[0] + m.third[1]; });
   } else if (id == "fresnel") {
@@ -419,37 +449,6 @@ std::vector<BudgetLine> effectBudget(const DiagnosisSession& session, const Scor
               (worst->unit == "%" ? " %" : " " + worst->unit);
     budget.sentence = text + ".";
     out.push_back(std::move(budget));
-  }
-  return out;
-}
-
-Suggestion suggestCapture(const std::string& a, const std::string& b) {
-  const auto either = [&](std::string_view id) { return a == id || b == id; };
-  Suggestion out{a, b, "", 0};
-  if (either("emission-angular") || either("emission-spatial") || either("screen-response")) {
-    out.capture =
-        "Put a white matte paper of known reflectance in the sample's place and take the same photographs: "
-        "it shows the screen alone.";
-  } else if (either("anisotropy") || either("basis-deviation") || either("sample-height")) {
-    out.capture =
-        "Turn the sample by 90 degrees on the table and take the same photographs: what belongs to it turns "
-        "with it, what belongs to the rig does not.";
-  } else if (either("camera-response") || either("saturation") || either("black-level")) {
-    out.capture = "Take the window photograph again with half the exposure time: a linear sensor halves it.";
-  } else if (either("screen-pose") || either("sample-tilt")) {
-    out.capture =
-        "Put a flat mirror in the sample's place and take the window photograph and two patterns: a flat "
-        "normal shows the screen's pose.";
-  } else if (either("glare") || either("defocus") || either("subsurface")) {
-    out.capture =
-        "Photograph a sharp black edge on white paper in the sample's place: it shows what the lens spreads.";
-  } else if (either("flicker") || either("ambient-drift") || either("screen-drift")) {
-    out.capture =
-        "Repeat the window photograph every ten patterns: it shows the screen's brightness over time.";
-  } else {
-    out.capture =
-        "Take the same photographs with the sample turned by 90 degrees, and once more from a second place "
-        "of the camera.";
   }
   return out;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "engine/diagnosis/explanation.h"
+#include "engine/diagnosis/fourier_corrections.h"
 #include "engine/diagnosis/fourier_refit.h"
 
 namespace patina {
@@ -13,7 +14,9 @@ std::string effectSentence(std::string_view id, const std::vector<EffectEstimate
 /// Curves over the photographs of flicker, drift and offsets.
 std::vector<PhotoCurve> effectCurves(const DiagnosisSession& session, std::string_view id);
 /// Maps over the sample of a per-texel or per-material effect.
-std::map<std::string, Image> effectMaps(const DiagnosisSession& session, std::string_view id);
+/// `corrected`: what each texel has by itself; may be null.
+std::map<std::string, Image> effectMaps(const DiagnosisSession& session, std::string_view id,
+                                        const CorrectedCapture* corrected);
 /// Signal along an effect by spatial frequency: expected at the fitted strength, and seen. In standard
 /// deviations of noise.
 SignaturePlot signatureByFrequency(const DiagnosisSession& session, const ScoreTest& test,
@@ -21,8 +24,6 @@ SignaturePlot signatureByFrequency(const DiagnosisSession& session, const ScoreT
 /// How large effects could be without having been seen.
 std::vector<BudgetLine> effectBudget(const DiagnosisSession& session, const ScoreTest& test,
                                      const std::vector<std::string>& added, double phi);
-/// What each further capture would show: the cheapest one that separates two effects.
-Suggestion suggestCapture(const std::string& a, const std::string& b);
 /// Breakdowns by frequency, phase and time.
 std::vector<ResidualBreakdown> residualBreakdowns(const DiagnosisCapture& capture, const ModelError& before,
                                                   const ModelError& after);

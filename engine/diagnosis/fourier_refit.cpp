@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/diagnosis/site_horizon.h"
+
 namespace patina {
 namespace {
 
@@ -171,6 +173,7 @@ SessionError sessionError(const DiagnosisSession& session, const JobContext& job
     out.count += e.count;
     out.heldChi2 += e.heldChi2;
     out.heldCount += e.heldCount;
+    for (const double chi2 : e.rowChi2) out.noise += chi2;
     out.heldPatch.insert(out.heldPatch.end(), e.heldPatch.begin(), e.heldPatch.end());
     if (k == 0) out.first = std::move(e);
   }
@@ -204,17 +207,7 @@ void applyNumbers(DiagnosisSession& session, const std::vector<ScoreTest::Number
         material -= session.materialOffset(k);
         if (material < 0 || material >= session.captures[k].clusterCount) continue;
       }
-      if (column.effect == "self-shadowing") {
-        // At rest the columns are three trial horizons; in force they are derivatives.
-        if (state.screen.horizon) {
-          float& value = column.name == "1"   ? state.screen.horizonTiltX
-                         : column.name == "2" ? state.screen.horizonTiltY
-                                              : state.screen.horizonSine;
-          const double most = column.name == "3" ? 0.1 : 0.4;
-          value += static_cast<float>(std::clamp(step, -most, most));
-        }
-        continue;
-      }
+      if (column.effect == "self-shadowing") continue;  // the sites' own
       if (k > 0 && column.effect == "screen-drift") continue;
       if (float* value = lightVariable(state, column, session.columns, number.column)) {
         *value += static_cast<float>(std::clamp(step, -1.5, 1.5));
@@ -275,40 +268,21 @@ RefitResult refitEffects(DiagnosisSession& session, const std::vector<std::strin
   for (auto& state : session.states)
     for (const auto& id : effects)
       if (!state.has(id)) state.added.push_back(id);
-  const WantedColumns wanted = wantedFor(effects);
-  // Where light is cut the derivative at zero says only that; the best of the trial horizons is the start.
+  // Horizons are the sites' own: at none of it the derivative says nothing, so trial ones are the start.
   const bool horizon = std::ranges::find(effects, "self-shadowing") != effects.end();
-  if (horizon && !session.states[0].screen.horizon) {
-    double best = -1;
-    QuadratureState start = session.states[0].screen;
-    const auto tryOut = [&](double tiltX, double tiltY, double sine) {
-      DiagnosisSession trial = thinned(session, 60);
-      for (auto& state : trial.states) {
-        state.screen.horizon = true;
-        state.screen.horizonTiltX = static_cast<float>(tiltX);
-        state.screen.horizonTiltY = static_cast<float>(tiltY);
-        state.screen.horizonSine = static_cast<float>(sine);
-      }
-      refineSession(trial, 3, job, false);
-      const double chi2 = sessionError(trial, job).all();
-      if (best < 0 || chi2 < best) best = chi2, start = trial.states[0].screen;
-    };
-    constexpr double kRadians = 0.017453292519943295;
-    for (const double deg : {18.0, 25.0, 32.0, 40.0, 50.0}) tryOut(0, 0, std::sin(deg * kRadians));
-    for (int direction = 0; direction < 8; ++direction)
-      for (const double deg : {35.0, 47.0, 57.0, 66.0})
-        tryOut(std::tan(deg * kRadians) * std::cos(direction * 45 * kRadians),
-               std::tan(deg * kRadians) * std::sin(direction * 45 * kRadians), 0);
-    for (auto& state : session.states) state.screen = start;
-    refineSession(session, 4, job, false);
-  }
+  if (horizon)
+    for (std::size_t k = 0; k < session.captures.size(); ++k)
+      findHorizons(session.captures[k], modelOf(session, k), job);
+  std::vector<std::string> linear = effects;
+  std::erase(linear, "self-shadowing");
   estimateHeldOutPhotographs(session, job);
   SessionError error = sessionError(session, job);
   double gained = 0;
-  for (int k = 0; k < iterations && !job.cancelled(); ++k) {
+  const WantedColumns wanted = wantedFor(linear);
+  for (int k = 0; k < iterations && !linear.empty() && !job.cancelled(); ++k) {
     ScoreTest test = scoreSession(session, wanted, job);
-    out.numbers = test.numbers(effects);
-    out.last = test.solve(effects);
+    out.numbers = test.numbers(linear);
+    out.last = test.solve(linear);
     if (out.last.estimate.size() == 0 || !out.last.estimate.allFinite()) break;
     ++out.iterations;
     bool better = false;
@@ -350,8 +324,7 @@ void resetEffect(DiagnosisSession& session, const std::string& id) {
     if (id == "flicker") state.photoGain.clear();
     if (id == "ambient-drift") state.photoOffset.clear();
     if (id == "self-shadowing") {
-      state.screen.horizon = false;
-      state.screen.horizonTiltX = state.screen.horizonTiltY = state.screen.horizonSine = 0;
+      for (auto& site : session.captures[k].sites) site.horizonSine = 0, site.ownHorizon = false;
       continue;
     }
     for (int column = range.first; column < range.first + range.count; ++column) {

@@ -3,7 +3,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/diagnosis/model_error.h"
 #include "engine/diagnosis/score_test.h"
+#include "engine/diagnosis/site_fit.h"
 
 namespace patina {
 
@@ -23,6 +25,7 @@ struct SessionError {
   ModelError first;  ///< of the first capture
   double chi2 = 0, count = 0, heldChi2 = 0, heldCount = 0;
   std::vector<double> heldPatch;
+  double noise = 0;  ///< chi2 of fitted and held-out photographs with noise alone as the unit
   double all() const { return chi2 + heldChi2; }
 };
 SessionError sessionError(const DiagnosisSession& session, const JobContext& job);

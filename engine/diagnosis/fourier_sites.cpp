@@ -91,6 +91,24 @@ bool awayFromBorders(const FourierFitState& state, const std::vector<std::uint8_
   return true;
 }
 
+/// Whether another material lies within some pixels.
+bool besideBorder(const FourierFitState& state, const std::vector<std::uint8_t>& cluster, std::size_t site) {
+  const SiteSet& set = state.measurements.sites;
+  if (set.grouped()) return false;
+  constexpr int kReach = 4;
+  const int x = static_cast<int>(set.pixel[site].x()), y = static_cast<int>(set.pixel[site].y());
+  for (int dy = -kReach; dy <= kReach; ++dy) {
+    for (int dx = -kReach; dx <= kReach; ++dx) {
+      if (x + dx < 0 || y + dy < 0 || x + dx >= set.imageWidth || y + dy >= set.imageHeight) continue;
+      const auto other =
+          set.siteOfPixel[static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(set.imageWidth) +
+                          static_cast<std::size_t>(x + dx)];
+      if (other >= 0 && cluster[static_cast<std::size_t>(other)] != cluster[site]) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 QuadratureSite quadratureSite(const FourierFitState& state, std::size_t site) {
@@ -217,11 +235,24 @@ Result<DiagnosisCapture> diagnosisCapture(std::shared_ptr<const FourierFit> fit,
   for (const std::size_t s : good)
     if (awayFromBorders(state, out.clusterOfSite, s)) inside.push_back(s);
   if (inside.size() < std::max<std::size_t>(kLeast, good.size() / 10)) inside = good;
-  // Evenly: every so-many-th in the image's order, from an odd stride so that columns don't line up.
-  const double stride = std::max(1.0, static_cast<double>(inside.size()) / std::max(count, 100));
-  for (double at = 0; at < static_cast<double>(inside.size()); at += stride) {
+  // What spreads light shows beside borders, a third of the sites; the others evenly: every so-many-th in the
+  // image's order, from an odd stride so that columns don't line up.
+  std::vector<std::size_t> beside, chosen;
+  for (const std::size_t s : inside)
+    if (besideBorder(state, out.clusterOfSite, s)) beside.push_back(s);
+  const auto choose = [&](const std::vector<std::size_t>& from, double wanted) {
+    const double stride = std::max(1.0, static_cast<double>(from.size()) / std::max(wanted, 1.0));
+    for (double at = 0; at < static_cast<double>(from.size()); at += stride)
+      chosen.push_back(from[static_cast<std::size_t>(at)]);
+  };
+  const double wanted = std::max(count, 100);
+  choose(beside, wanted / 3);
+  choose(inside, wanted - static_cast<double>(chosen.size()));
+  std::ranges::sort(chosen);
+  chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
+  for (const std::size_t s : chosen) {
     DiagnosisSite site;
-    site.site = inside[static_cast<std::size_t>(at)];
+    site.site = s;
     site.cluster = out.clusterOfSite[site.site];
     loadSite(out, site);
     out.sites.push_back(std::move(site));

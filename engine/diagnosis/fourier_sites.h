@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -36,7 +37,10 @@ struct DiagnosisSite {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
   float robust =
       1;  ///< factor on all weights: below 1 where nothing fits, so that few sites don't decide for all
-  bool usable = true;  ///< false: the lobe left the screen, or no finite solution
+  float horizonSine = 0;           ///< own horizon (self-shadowing), sine of its elevation; 0: none
+  std::array<float, 2> stretch{};  ///< own, beyond the material's (anisotropy)
+  bool ownHorizon = false, ownStretch = false;  ///< whether they are free
+  bool usable = true;                           ///< false: the lobe left the screen, or no finite solution
 };
 
 /// One capture with its fit, laid out for diagnosis. Immutable but for the sites' parameters.
@@ -51,6 +55,8 @@ struct DiagnosisCapture {
   double fullScale = 1;  ///< brightest prediction over the sites, radiance with black level
   bool knownLambertian = false;
   std::shared_ptr<const PredictedPictures> pictures;  ///< for what spreads light; null until made
+  std::vector<float>
+      inflation;  ///< [component row][R G B] scatter beyond the noise's variance, a factor; empty: 1
 
   std::size_t rowCount() const { return rows.size(); }
 };

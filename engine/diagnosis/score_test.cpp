@@ -7,104 +7,13 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <mutex>
+#include <tuple>
 
 #include "engine/base/dense.h"
+#include "engine/diagnosis/residual_components.h"
+#include "engine/diagnosis/site_fit.h"
 
 namespace patina {
-namespace {
-
-/// Weak knowledge about a site's own parameters: keeps what the photographs can't see from running away.
-struct OwnPrior {
-  std::array<double, kOwnCount> mean{}, invSd{};
-};
-
-OwnPrior ownPrior(const DiagnosisCapture& capture, const DiagnosisSite& site) {
-  OwnPrior prior;
-  const auto set = [&](int k, double mean, double sd) {
-    prior.mean[static_cast<std::size_t>(k)] = mean;
-    prior.invSd[static_cast<std::size_t>(k)] = 1 / sd;
-  };
-  const double square = std::pow(std::log(std::max(1.0f, site.model.kurtosis)), 2);
-  set(kOwnLogSigma, -2.5 - std::log(static_cast<double>(site.model.sigma)), 1.5);
-  set(kOwnKurtosis, 0.05 - square, 0.3);
-  set(kOwnSlopeX, -site.model.slopeX, 0.3);
-  set(kOwnSlopeY, -site.model.slopeY, 0.3);
-  for (int c = 0; c < 3; ++c) {
-    set(kOwnDiffuse + c, -site.diffuse[c], 2);
-    set(kOwnSpecular + c, -site.specular[c], 1);
-    set(kOwnBlack + c, site.blackMeasured[c] - site.black[c],
-        1 / std::sqrt(std::max<double>(site.blackWeight[c], 1e-12)));
-  }
-  if (capture.knownLambertian) {  // a paper whose albedo was entered: nothing but the black level is free
-    for (int k = 0; k < kOwnBlack; ++k) set(k, 0, 1e-6);
-  }
-  return prior;
-}
-
-}  // namespace
-
-void stepSite(DiagnosisSite& site, const Eigen::VectorXd& delta) {
-  const double limit = std::max(0.02, 0.5 * static_cast<double>(site.model.sigma));
-  site.model.sigma *= static_cast<float>(std::exp(std::clamp(delta[kOwnLogSigma], -0.4, 0.4)));
-  site.model.sigma = std::clamp(site.model.sigma, 0.003f, 1.0f);
-  const double square =
-      std::pow(std::log(std::max(1.0f, site.model.kurtosis)), 2) + std::clamp(delta[kOwnKurtosis], -0.2, 0.2);
-  site.model.kurtosis = static_cast<float>(std::exp(std::sqrt(std::clamp(square, 0.0, 1.5))));
-  site.model.slopeX += static_cast<float>(std::clamp(delta[kOwnSlopeX], -limit, limit));
-  site.model.slopeY += static_cast<float>(std::clamp(delta[kOwnSlopeY], -limit, limit));
-  for (int c = 0; c < 3; ++c) {
-    site.diffuse[c] = std::max(0.0f, site.diffuse[c] + static_cast<float>(delta[kOwnDiffuse + c]));
-    site.specular[c] = std::max(0.0f, site.specular[c] + static_cast<float>(delta[kOwnSpecular + c]));
-    site.black[c] += static_cast<float>(delta[kOwnBlack + c]);
-  }
-}
-
-namespace {
-
-/// Square roots of a site's weights: fitted rows, or held-out ones.
-Eigen::VectorXd rootWeights(const DiagnosisCapture& capture, const DiagnosisSite& site, bool holdout) {
-  const std::size_t rows = capture.rowCount();
-  Eigen::VectorXd w = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * rows));
-  for (std::size_t r = 0; r < rows; ++r)
-    if (capture.rows[r].holdout == holdout)
-      for (std::size_t c = 0; c < 3; ++c)
-        w[static_cast<Eigen::Index>(c * rows + r)] =
-            std::sqrt(static_cast<double>(site.robust * site.weight[r * 3 + c]));
-  return w;
-}
-
-Eigen::VectorXd residualOf(const DiagnosisCapture& capture, const DiagnosisSite& site,
-                           const SiteColumns& at) {
-  const std::size_t rows = capture.rowCount();
-  Eigen::VectorXd r(static_cast<Eigen::Index>(3 * rows));
-  for (std::size_t c = 0; c < 3; ++c)
-    for (std::size_t i = 0; i < rows; ++i)
-      r[static_cast<Eigen::Index>(c * rows + i)] =
-          static_cast<double>(site.measured[i * 3 + c]) - at.predicted[i * 3 + c];
-  return r;
-}
-
-/// Normal matrix of the own parameters with their priors, factored; and the step.
-struct OwnSystem {
-  Eigen::LLT<Eigen::MatrixXd> llt;
-  Eigen::VectorXd rhs;
-};
-
-OwnSystem ownSystem(const OwnPrior& prior, const Eigen::MatrixXd& gram, const Eigen::VectorXd& rhs) {
-  OwnSystem system;
-  Eigen::MatrixXd n = gram;
-  system.rhs = rhs;
-  for (int k = 0; k < kOwnCount; ++k) {
-    const double inv = prior.invSd[static_cast<std::size_t>(k)] * prior.invSd[static_cast<std::size_t>(k)];
-    n(k, k) += inv * (1 + 1e-9) + 1e-12;
-    system.rhs[k] += inv * prior.mean[static_cast<std::size_t>(k)];
-  }
-  system.llt.compute(n);
-  return system;
-}
-
-}  // namespace
 
 ScoreSums& ScoreSums::operator+=(const ScoreSums& other) {
   if (other.b.size() == 0) return *this;
@@ -123,61 +32,67 @@ ScoreSums& ScoreSums::operator+=(const ScoreSums& other) {
   return *this;
 }
 
-void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, int steps,
-                 const JobContext& job, bool mayDrop) {
-  tbb::enumerable_thread_specific<SiteColumns> scratch;
-  tbb::parallel_for(std::size_t{0}, capture.sites.size(), [&](std::size_t i) {
-    if (job.cancelled()) return;
-    DiagnosisSite& site = capture.sites[i];
-    if (!site.usable) return;
-    SiteColumns& at = scratch.local();
-    DiagnosisSite best = site;
-    double least = -1, damping = 0;
-    for (int k = 0; k <= steps; ++k) {
-      model.evaluate(site, quadrature::kParameters, at);
-      if (mayDrop && !at.onScreen) {
-        site.usable = false;
-        break;
-      }
-      const Eigen::VectorXd w = rootWeights(capture, site, false);
-      const Eigen::VectorXd r = w.cwiseProduct(residualOf(capture, site, at));
-      const OwnPrior prior = ownPrior(capture, site);
-      double cost = r.squaredNorm();
-      for (std::size_t p = 0; p < kOwnCount; ++p) cost += std::pow(prior.mean[p] * prior.invSd[p], 2);
-      if (!std::isfinite(cost)) {
-        site = best;
-        break;
-      }
-      if (least >= 0 && cost > least * (1 + 1e-9)) {
-        site = best;
-        damping = damping == 0 ? 1e-2 : damping * 10;
-        if (damping > 1) break;
-        model.evaluate(site, quadrature::kParameters, at);
-      } else {
-        if (least >= 0 && least - cost < 1e-3) {
-          break;
+namespace {
+
+/// Products of the columns that act on one photograph each (a factor, then an offset for every fitted one)
+/// with a site's other columns and with each other. Photographs of one frequency share components.
+struct SparseProducts {
+  Eigen::MatrixXd cross;  ///< columns of `weighted` x sparse
+  std::vector<std::tuple<Eigen::Index, Eigen::Index, double>> among;
+};
+
+/// `used`: photographs with columns of their own, 0 or all of `fitted`; `sparse`: columns of the result.
+SparseProducts sparseProducts(const DiagnosisCapture& capture, const std::vector<std::size_t>& fitted,
+                              int used, Eigen::Index sparse, const Eigen::VectorXd& w, const SiteColumns& at,
+                              const Eigen::MatrixXd& weighted) {
+  const std::size_t rows = capture.rowCount();
+  const Eigen::Index offsets = sparse / 2;
+  SparseProducts out;
+  out.cross = Eigen::MatrixXd::Zero(weighted.cols(), sparse);
+  const auto count = static_cast<std::size_t>(used);
+  for (std::size_t first = 0; first < count;) {
+    std::size_t last = first + 1;  // those of one frequency lie together
+    while (last < count && capture.rows[fitted[last]].frequency >= 0 && fitted[last] / 4 == fitted[first] / 4)
+      ++last;
+    const std::size_t base =
+        capture.rows[fitted[first]].frequency < 0 ? fitted[first] : fitted[first] / 4 * 4;
+    const std::size_t height = capture.rows[fitted[first]].frequency < 0 ? 1 : 4;
+    const Eigen::Index photos = static_cast<Eigen::Index>(last - first);
+    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * height), 2 * photos);
+    Eigen::MatrixXd others(static_cast<Eigen::Index>(3 * height), weighted.cols());
+    for (std::size_t c = 0; c < 3; ++c)
+      others.middleRows(static_cast<Eigen::Index>(c * height), static_cast<Eigen::Index>(height)) =
+          weighted.middleRows(static_cast<Eigen::Index>(c * rows + base), static_cast<Eigen::Index>(height));
+    for (std::size_t f = first; f < last; ++f) {
+      const ComponentShare share = componentsOf(capture, fitted[f]);
+      const auto photo = static_cast<Eigen::Index>(f - first);
+      const auto r = static_cast<Eigen::Index>(fitted[f]);
+      for (Eigen::Index c = 0; c < 3; ++c) {
+        for (int k = 0; k < share.count; ++k) {
+          const double root =
+              w[c * static_cast<Eigen::Index>(rows) + static_cast<Eigen::Index>(share.row[k])];
+          const Eigen::Index row =
+              c * static_cast<Eigen::Index>(height) + static_cast<Eigen::Index>(share.row[k] - base);
+          own(row, photo) = root * share.share[k] * at.gain(r, c);
+          own(row, photos + photo) = root * share.share[k] * at.offset(r, c);
         }
-        least = cost;
-        best = site;
       }
-      if (k == steps) break;
-      const Eigen::VectorXd rNow = w.cwiseProduct(residualOf(capture, site, at));
-      const Eigen::MatrixXd j = w.asDiagonal() * at.own;
-      Eigen::MatrixXd gram = j.transpose() * j;
-      gram.diagonal() *= 1 + damping;
-      const OwnSystem system = ownSystem(ownPrior(capture, site), gram, j.transpose() * rNow);
-      if (system.llt.info() != Eigen::Success) break;
-      const Eigen::VectorXd delta = system.llt.solve(system.rhs);
-      if (!delta.allFinite()) break;
-      stepSite(site, delta);
     }
-    if (least >= 0) {
-      const bool usable = site.usable;
-      site = best;
-      site.usable = usable;
+    const Eigen::MatrixXd cross = others.transpose() * own, among = own.transpose() * own;
+    const auto place = [&](Eigen::Index k) {
+      return static_cast<Eigen::Index>(first) + (k < photos ? k : k - photos + offsets);
+    };
+    for (Eigen::Index k = 0; k < 2 * photos; ++k) {
+      out.cross.col(place(k)) = cross.col(k);
+      for (Eigen::Index j = 0; j < 2 * photos; ++j)
+        if (among(j, k) != 0) out.among.emplace_back(place(j), place(k), among(j, k));
     }
-  });
+    first = last;
+  }
+  return out;
 }
+
+}  // namespace
 
 void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& model,
                     const EffectColumns& columns, const JobContext& job, const WantedColumns& wanted,
@@ -223,53 +138,28 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     const Eigen::VectorXd w = rootWeights(capture, site, false), residual = residualOf(capture, site, at);
     Eigen::MatrixXd stacked(static_cast<Eigen::Index>(3 * rows), kOwnCount + dense + 1);
     stacked << at.own, at.effect, residual;
+    turnToComponents(capture, stacked.leftCols(kOwnCount + dense));  // the residual is turned already
     const Eigen::MatrixXd weighted = w.asDiagonal() * stacked;
     const Eigen::MatrixXd gram = gramOfColumns(weighted);
     if (!gram.allFinite()) return;
     const OwnSystem system = ownSystem(ownPrior(capture, site), gram.topLeftCorner(kOwnCount, kOwnCount),
                                        gram.col(kOwnCount + dense).head(kOwnCount));
     if (system.llt.info() != Eigen::Success) return;
-    // The sparse columns: three entries each.
-    Eigen::MatrixXd ownSparse = Eigen::MatrixXd::Zero(kOwnCount, sparse),
-                    denseSparse = Eigen::MatrixXd::Zero(dense, sparse);
-    Eigen::VectorXd sparseR = Eigen::VectorXd::Zero(sparse), gg = Eigen::VectorXd::Zero(sparseRows), oo = gg,
-                    go = gg;
-    for (int f = 0; f < sparseRows; ++f) {
-      const std::size_t r = fitted[static_cast<std::size_t>(f)];
-      for (std::size_t c = 0; c < 3; ++c) {
-        const Eigen::Index row = static_cast<Eigen::Index>(c * rows + r);
-        const double g = w[row] * at.gain(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)),
-                     o = w[row] * at.offset(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
-        if (w[row] == 0) continue;
-        ownSparse.col(f) += g * weighted.row(row).head(kOwnCount).transpose();
-        ownSparse.col(fittedRows_ + f) += o * weighted.row(row).head(kOwnCount).transpose();
-        denseSparse.col(f) += g * weighted.row(row).segment(kOwnCount, dense).transpose();
-        denseSparse.col(fittedRows_ + f) += o * weighted.row(row).segment(kOwnCount, dense).transpose();
-        sparseR[f] += g * weighted(row, kOwnCount + dense);
-        sparseR[fittedRows_ + f] += o * weighted(row, kOwnCount + dense);
-        gg[f] += g * g;
-        oo[f] += o * o;
-        go[f] += g * o;
-      }
-    }
+    const SparseProducts photographs = sparseProducts(capture, fitted, sparseRows, sparse, w, at, weighted);
     Eigen::MatrixXd joint(kOwnCount, all);
-    joint << gram.block(0, kOwnCount, kOwnCount, dense), ownSparse;
+    joint << gram.block(0, kOwnCount, kOwnCount, dense), photographs.cross.topRows(kOwnCount);
     const Eigen::MatrixXd reduced = system.llt.matrixL().solve(joint);
     const Eigen::VectorXd reducedR = system.llt.matrixL().solve(system.rhs);
     ScoreSums& sums = local.sums[static_cast<std::size_t>(materialOffset + site.cluster)];
     const Eigen::MatrixXd taken = gramOfColumns(reduced);
     sums.a -= taken;
     sums.a.topLeftCorner(dense, dense) += gram.block(kOwnCount, kOwnCount, dense, dense);
+    const auto denseSparse = photographs.cross.middleRows(kOwnCount, dense);
     sums.a.topRightCorner(dense, sparse) += denseSparse;
     sums.a.bottomLeftCorner(sparse, dense) += denseSparse.transpose();
-    for (int f = 0; f < sparseRows; ++f) {
-      sums.a(dense + f, dense + f) += gg[f];
-      sums.a(dense + fittedRows_ + f, dense + fittedRows_ + f) += oo[f];
-      sums.a(dense + f, dense + fittedRows_ + f) += go[f];
-      sums.a(dense + fittedRows_ + f, dense + f) += go[f];
-    }
+    for (const auto& [row, column, value] : photographs.among) sums.a(dense + row, dense + column) += value;
     sums.b.head(dense) += gram.col(kOwnCount + dense).segment(kOwnCount, dense);
-    sums.b.tail(sparse) += sparseR;
+    sums.b.tail(sparse) += photographs.cross.row(kOwnCount + dense).transpose();
     sums.b -= reduced.transpose() * reducedR;
     const double used = static_cast<double>((w.array() > 0).count());
     sums.chi2 += gram(kOwnCount + dense, kOwnCount + dense) - reducedR.squaredNorm();
@@ -283,8 +173,9 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     local.shifts.push_back(absorbed);
     const Eigen::VectorXd wh = rootWeights(capture, site, true);
     if ((wh.array() > 0).any()) {
-      const Eigen::MatrixXd held = wh.asDiagonal() * (at.effect - at.own * absorbed);
-      const Eigen::VectorXd heldR = wh.cwiseProduct(residual - at.own * moved);
+      const auto own = stacked.leftCols(kOwnCount), effect = stacked.middleCols(kOwnCount, dense);
+      const Eigen::MatrixXd held = wh.asDiagonal() * (effect - own * absorbed);
+      const Eigen::VectorXd heldR = wh.cwiseProduct(residual - own * moved);
       addGramOfColumns(held, sums.held);
       sums.heldB += held.transpose() * heldR;
       sums.heldChi2 += heldR.squaredNorm();
@@ -456,142 +347,6 @@ double ScoreTest::correlation(std::string_view x, std::string_view y) const {
   Eigen::MatrixXd c = lx.matrixL().solve(a.topRightCorner(p, q));
   c = ly.matrixL().solve(c.transpose()).transpose();
   return singularValues(c)[0];
-}
-
-void setRobustWeights(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job) {
-  std::vector<double> ratio(capture.sites.size(), -1);
-  tbb::enumerable_thread_specific<SiteColumns> scratch;
-  tbb::parallel_for(std::size_t{0}, capture.sites.size(), [&](std::size_t i) {
-    DiagnosisSite& site = capture.sites[i];
-    if (!site.usable || job.cancelled()) return;
-    site.robust = 1;
-    SiteColumns& at = scratch.local();
-    model.evaluate(site, quadrature::kPrediction, at);
-    const Eigen::VectorXd w = rootWeights(capture, site, false);
-    ratio[i] = w.cwiseProduct(residualOf(capture, site, at)).squaredNorm() /
-               std::max<double>(1, static_cast<double>((w.array() > 0).count()));
-  });
-  std::vector<double> sorted;
-  for (const double r : ratio)
-    if (r >= 0) sorted.push_back(r);
-  if (sorted.empty()) return;
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
-                   sorted.end());
-  const double most = 3 * std::max(sorted[sorted.size() / 2], 1.0);
-  for (std::size_t i = 0; i < ratio.size(); ++i)
-    if (ratio[i] > most) capture.sites[i].robust = static_cast<float>(most / ratio[i]);
-}
-
-double correctNoise(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job) {
-  const std::size_t rows = capture.rowCount(), step = std::max<std::size_t>(1, capture.sites.size() / 300);
-  SiteColumns at;
-  std::vector<double> ratios;
-  for (std::size_t i = 0; i + 1 < capture.sites.size() && !job.cancelled(); i += step) {
-    Eigen::VectorXd pair[2];
-    bool good = true;
-    for (std::size_t k = 0; k < 2 && good; ++k) {
-      const DiagnosisSite& site = capture.sites[i + k];
-      good = site.usable && site.cluster == capture.sites[i].cluster &&
-             (site.pixel - capture.sites[i].pixel).norm() < 6;
-      if (!good) break;
-      model.evaluate(site, quadrature::kPrediction, at);
-      pair[k] = rootWeights(capture, site, false).cwiseProduct(residualOf(capture, site, at));
-    }
-    if (!good) continue;
-    for (Eigen::Index r = 0; r < pair[0].size(); ++r)
-      if (pair[0][r] != 0 && pair[1][r] != 0)
-        ratios.push_back(std::abs(pair[0][r] - pair[1][r]) / std::sqrt(2.0));
-  }
-  constexpr std::size_t kEnough = 3000;
-  if (ratios.size() < kEnough) return 1;
-  std::nth_element(ratios.begin(), ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2),
-                   ratios.end());
-  const double sd = ratios[ratios.size() / 2] / 0.6745, variance = sd * sd;
-  if (variance > 0.85) return 1;
-  for (auto& site : capture.sites)
-    for (std::size_t k = 0; k < rows * 3; ++k) site.weight[k] = static_cast<float>(site.weight[k] / variance);
-  return variance;
-}
-
-ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisModel& model,
-                      const JobContext& job) {
-  const std::size_t rows = capture.rowCount();
-  constexpr std::size_t kPatches = 24;
-  struct Local {
-    SiteColumns at;
-    ModelError e;
-    std::vector<double> rowSignal;
-    double signal = 0, heldSignal = 0, error = 0, heldError = 0, noise = 0, heldNoise = 0;
-  };
-  tbb::enumerable_thread_specific<Local> locals([&] {
-    Local l;
-    l.e.heldPatch.assign(kPatches, 0);
-    l.e.rowChi2.assign(rows, 0);
-    l.e.rowCount.assign(rows, 0);
-    l.rowSignal.assign(rows, 0);
-    l.e.rowNoise.assign(rows, 0);
-    return l;
-  });
-  tbb::parallel_for(std::size_t{0}, capture.sites.size(), [&](std::size_t i) {
-    const DiagnosisSite& site = capture.sites[i];
-    if (!site.usable || job.cancelled()) return;
-    Local& l = locals.local();
-    model.evaluate(site, quadrature::kPrediction, l.at);
-    const std::size_t patch = i * kPatches / capture.sites.size();
-    for (std::size_t r = 0; r < rows; ++r) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        const double w = site.robust * site.weight[r * 3 + c];
-        if (w <= 0) continue;
-        const double measured = site.measured[r * 3 + c], gap = measured - l.at.predicted[r * 3 + c],
-                     chi2 = w * gap * gap;
-        l.e.rowChi2[r] += chi2;
-        l.e.rowCount[r] += 1;
-        l.rowSignal[r] += measured * measured;
-        l.e.rowNoise[r] += 1 / w;
-        if (capture.rows[r].holdout) {
-          l.e.heldChi2 += chi2;
-          l.e.heldCount += 1;
-          l.e.heldPatch[patch] += chi2;
-          l.heldError += gap * gap;
-          l.heldSignal += measured * measured;
-          l.heldNoise += 1 / w;
-        } else {
-          l.e.chi2 += chi2;
-          l.e.count += 1;
-          l.error += gap * gap;
-          l.signal += measured * measured;
-          l.noise += 1 / w;
-        }
-      }
-    }
-  });
-  Local sum;
-  sum.e.heldPatch.assign(kPatches, 0);
-  sum.e.rowChi2.assign(rows, 0);
-  sum.e.rowCount.assign(rows, 0);
-  sum.e.rowNoise.assign(rows, 0);
-  sum.rowSignal.assign(rows, 0);
-  for (const Local& l : locals) {
-    sum.e.chi2 += l.e.chi2, sum.e.count += l.e.count, sum.e.heldChi2 += l.e.heldChi2,
-        sum.e.heldCount += l.e.heldCount;
-    sum.signal += l.signal, sum.heldSignal += l.heldSignal, sum.error += l.error,
-        sum.heldError += l.heldError;
-    sum.noise += l.noise, sum.heldNoise += l.heldNoise;
-    for (std::size_t k = 0; k < kPatches; ++k) sum.e.heldPatch[k] += l.e.heldPatch[k];
-    for (std::size_t r = 0; r < rows; ++r)
-      sum.e.rowChi2[r] += l.e.rowChi2[r], sum.e.rowCount[r] += l.e.rowCount[r];
-    for (std::size_t r = 0; r < rows; ++r)
-      sum.e.rowNoise[r] += l.e.rowNoise[r], sum.rowSignal[r] += l.rowSignal[r];
-  }
-  for (std::size_t r = 0; r < rows; ++r)
-    sum.e.rowNoise[r] = sum.rowSignal[r] > 0 ? std::sqrt(sum.e.rowNoise[r] / sum.rowSignal[r]) : 0;
-  ModelError out = std::move(sum.e);
-  const auto rms = [](double a, double b) { return b > 0 ? std::sqrt(a / b) : -1; };
-  out.rms = rms(sum.error, sum.signal);
-  out.heldRms = rms(sum.heldError, sum.heldSignal);
-  out.floor = rms(sum.noise, sum.signal);
-  out.heldFloor = rms(sum.heldNoise, sum.heldSignal);
-  return out;
 }
 
 }  // namespace patina

@@ -86,33 +86,4 @@ class ScoreTest {
   std::vector<OwnMove> moves_;
 };
 
-/// Moves the sites' own parameters towards their optimum under the model: `steps` Gauss-Newton steps,
-/// parallel.
-/// `mayDrop`: sites whose lobe is found to leave the screen become unusable.
-void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, int steps,
-                 const JobContext& job, bool mayDrop = true);
-/// Moves a site's own parameters by a step, each as far as makes sense at once.
-void stepSite(DiagnosisSite& site, const Eigen::VectorXd& delta);
-
-/// Sites whose residual is beyond three times the median's get less weight, so that a few that are far from
-/// any linear regime don't decide for all. To be called between rounds, never between things that are
-/// compared.
-void setRobustWeights(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job);
-
-/// Lowers the assumed noise where it can't be so large: the difference of neighbouring sites' residuals in
-/// one photograph holds noise, and hardly anything of an effect that acts on whole photographs (whose scatter
-/// is taken for noise when it is estimated from the photographs). One factor for all weights. Returns the
-/// ratio of true to assumed variance, at most 1.
-double correctNoise(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job);
-
-/// What a state leaves: mean squares in units of noise, and relative RMS over the tested sites.
-struct ModelError {
-  double chi2 = 0, count = 0, heldChi2 = 0, heldCount = 0;
-  double rms = 0, heldRms = 0, floor = 0, heldFloor = 0;
-  std::vector<double> heldPatch;  ///< held-out chi2 by groups of neighbouring sites, for its own uncertainty
-  std::vector<double> rowChi2, rowCount, rowNoise;  ///< by row; noise: relative to the photograph's signal
-};
-ModelError modelError(const DiagnosisCapture& capture, const FourierDiagnosisModel& model,
-                      const JobContext& job);
-
 }  // namespace patina

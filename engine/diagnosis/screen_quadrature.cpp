@@ -25,6 +25,7 @@ inline constexpr float kFinestPhase =
 inline constexpr int kPad = 16;  // floats of the widest vector
 inline constexpr int kLobeNodes = kSide * kSide;  // a multiple of kPad
 inline constexpr int kMostGrid = 512;
+inline constexpr float kHorizonWidth = 0.04f;  // of a horizon's logistic edge, in sines of elevation
 // What 24 and 16 Legendre nodes over the lit area resolve, pattern units.
 inline constexpr float kBumpCentre[3] = {0.35f, 0.55f, 0.75f}, kBumpWidth = 0.15f;
 inline constexpr float kMostAlongX = 9, kMostAlongY = 11;
@@ -192,15 +193,6 @@ ScreenQuadrature::ScreenQuadrature(const ScreenFrame& frame, Eigen::Vector2d sam
   up_ = (frame.screenFromWorld * Eigen::Vector3d::UnitZ()).cast<float>();
   sampleX_ = (frame.screenFromWorld * Eigen::Vector3d::UnitX()).cast<float>();
   sampleY_ = (frame.screenFromWorld * Eigen::Vector3d::UnitY()).cast<float>();
-  {
-    const Eigen::Vector3d v(-state.horizonTiltX, -state.horizonTiltY, 1), m = v.normalized();
-    const auto slope = [&](const Eigen::Vector3d& e) -> Eigen::Vector3d {
-      return (e - m * m.dot(e)) / v.norm();
-    };
-    horizonNormal_ = (frame.screenFromWorld * m).cast<float>();
-    horizonByX_ = (frame.screenFromWorld * slope(-Eigen::Vector3d::UnitX())).cast<float>();
-    horizonByY_ = (frame.screenFromWorld * slope(-Eigen::Vector3d::UnitY())).cast<float>();
-  }
   std::vector<double> nodeX, weightX, nodeY, weightY;
   legendreNodes(24, nodeX, weightX);
   legendreNodes(16, nodeY, weightY);

@@ -31,11 +31,6 @@ struct QuadratureState {
   std::array<float, kAngular> angular{};
   /// Likewise over the screen, (X, Y) = place over half extent: X, Y, X^2, X Y, Y^2, (X^2 + Y^2)^2.
   std::array<float, kSpatial> spatial{};
-  /// Light is cut below a plane: where toLight . m < horizonSine, m the unit vector along (-tiltX, -tiltY, 1)
-  /// in the sample's frame. No tilt: an elevation all round; a tilt: a neighbour's flank on one side.
-  bool horizon = false;
-  float horizonTiltX = 0, horizonTiltY = 0, horizonSine = 0;
-  float horizonWidth = 0.04f;  ///< of the logistic edge, in toLight . m
   /// The shown value is the wanted one to this power (window included).
   float screenGamma = 1;
 };
@@ -49,7 +44,9 @@ struct QuadratureSite {
   float stretch1 = 0,
         stretch2 = 0;  ///< slope covariance sigma^2 exp([[s1, s2], [s2, -s1]]), sample's x and y
   float fresnelPower = 5;
-  std::array<float, 3> freeForm{};  ///< log of a factor on the lobe: see kFreeForm
+  float horizonSine = 0;  ///< no light comes from below the elevation of this sine; 0: from everywhere
+  std::array<float, 3> freeForm{};            ///< log of a factor on the lobe: see kFreeForm
+  const Eigen::Vector3d* cameraMm = nullptr;  ///< another place of the camera than the capture's
   const Eigen::Matrix3d* screenFromWorld =
       nullptr;  ///< another screen's orientation than the frame's; geometry must be of it too
 };
@@ -61,7 +58,7 @@ enum LightColumn {  ///< relative to the start of a part's light columns
   kAngularAt = 0,
   kSpatialAt = QuadratureState::kAngular,
   kHorizonAt =
-      kSpatialAt + QuadratureState::kSpatial,  ///< three: trial horizons, or derivatives by tilt X, Y, sine
+      kSpatialAt + QuadratureState::kSpatial,  ///< three: trial horizons; or, where there is one, by its sine
   kWindowAt = kHorizonAt + 3,                  ///< factor log window: half of the screen's gamma
 };
 enum DiffuseColumn {
@@ -135,9 +132,8 @@ class ScreenQuadrature {
   Harmonics shown_, shownSlope_;                   ///< and d / d gamma
   Eigen::Vector3f up_ = Eigen::Vector3f::UnitZ();  ///< sample's normal in the screen's frame
   Eigen::Vector3f sampleX_, sampleY_;
-  Eigen::Vector3f horizonNormal_, horizonByX_, horizonByY_;  ///< screen frame
-  int gridCount_ = 0;                                        ///< padded to whole vectors, weight 0
-  std::vector<float> gridX_, gridY_, gridWeight_;            ///< pattern coordinates; weight times window
+  int gridCount_ = 0;                              ///< padded to whole vectors, weight 0
+  std::vector<float> gridX_, gridY_, gridWeight_;  ///< pattern coordinates; weight times window
   std::vector<float> gridLogWindow_;
   /// At frequencies beyond what the grid resolves, the lit area's rim is all that the diffuse part still
   /// shows; the fit's own table has it.

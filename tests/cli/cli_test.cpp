@@ -267,8 +267,8 @@ const BadInput kBadInputs[] = {
      "a number is needed", "photos[7].phase"},
     {"OtherVersion", [](const fs::path& b) { changeJson(b, [](json& j) { j["version"] = 3; }); }, "version 3",
      "version"},
-    {"KindNotBuilt", [](const fs::path& b) { changeJson(b, [](json& j) { j["kind"] = "flash"; }); }, "yet",
-     "kind"},
+    {"KindUnknown", [](const fs::path& b) { changeJson(b, [](json& j) { j["kind"] = "hologram"; }); },
+     "hologram", "kind"},
     {"LeavesItsFolder",
      [](const fs::path& b) {
        fs::copy(b / "photo_1_2.exr", b.parent_path() / "secret.exr");

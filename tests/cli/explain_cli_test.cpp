@@ -33,7 +33,7 @@ TEST(CliExplain, HelpSaysWhatItLeavesAndItsDefaults) {
   const Finished help = cli({"explain", "--help"});
   EXPECT_EQ(help.status, 0);
   for (const char* text :
-       {"BUNDLE", "--out", "report.html", "--size", "default: 0", "--texels", "default: 1500",
+       {"BUNDLE", "--out", "report.html", "--size", "default: 0", "--texels", "default: 800",
         "--max-effects", "--false-alarms", "--no-pictures", "--progress", "--threads"})
     EXPECT_THAT(help.out, HasSubstr(text));
 }
@@ -43,7 +43,7 @@ TEST(CliExplain, WrongUseExitsWithTwoAndASentence) {
   test::writeSmallBundle(folder / "b", kFrequencies);
   const std::string b = (folder / "b").string();
   const std::map<std::string, std::vector<std::string>> wrong = {
-      {"BUNDLE", {"explain", "--out", "o"}},
+      {"bundles", {"explain", "--out", "o"}},
       {"--out", {"explain", b}},
       {"--texels", {"explain", b, "--out", "o", "--texels", "many"}},
       {"never written to", {"explain", b, "--out", (folder / "b" / "inside").string()}},

@@ -1,0 +1,121 @@
+#include "engine/diagnosis/site_horizon.h"
+
+#include <tbb/parallel_for.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include "engine/diagnosis/residual_components.h"
+#include "engine/diagnosis/site_fit.h"
+
+namespace patina {
+namespace {
+
+constexpr double kWellPredicted = 1.15, kNotWell = 1.2;
+
+/// Chi-square of a site's fitted photographs, robust factor left out.
+double chi2Of(const DiagnosisCapture& capture, const FourierDiagnosisModel& model, const DiagnosisSite& site,
+              double& count, SiteColumns& scratch) {
+  model.evaluate(site, quadrature::kPrediction, scratch);
+  DiagnosisSite whole = site;
+  whole.robust = 1;
+  const Eigen::VectorXd w = rootWeights(capture, whole, false);
+  count = static_cast<double>((w.array() > 0).count());
+  return w.cwiseProduct(residualOf(capture, site, scratch)).squaredNorm();
+}
+
+DiagnosisCapture alone(const DiagnosisCapture& capture, const DiagnosisSite& site) {
+  DiagnosisCapture one;
+  one.fit = capture.fit, one.state = capture.state;
+  one.frequencies = capture.frequencies, one.rows = capture.rows;
+  one.clusterCount = capture.clusterCount, one.fullScale = capture.fullScale;
+  one.knownLambertian = capture.knownLambertian, one.inflation = capture.inflation;
+  one.sites = {site};
+  one.sites[0].robust = 1;
+  return one;
+}
+
+}  // namespace
+
+std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job,
+                         const std::vector<DiagnosisSite>* seeds) {
+  const std::size_t count = capture.sites.size();
+  std::vector<double> chi2(count, -1), numbers(count, 1);
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    SiteColumns scratch;
+    if (capture.sites[i].usable && !job.cancelled())
+      chi2[i] = chi2Of(capture, model, capture.sites[i], numbers[i], scratch);
+  });
+  const std::vector<DiagnosisSite> before = capture.sites;
+  std::atomic<std::size_t> found{0};
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    DiagnosisSite& site = capture.sites[i];
+    if (!site.usable || job.cancelled()) return;
+    if (site.ownHorizon) {
+      ++found;
+      return;
+    }
+    if (chi2[i] < kNotWell * numbers[i]) return;
+    std::size_t near = count;
+    double least = std::numeric_limits<double>::max();
+    for (std::size_t j = 0; j < count; ++j) {
+      if (j == i || chi2[j] < 0 || chi2[j] > kWellPredicted * numbers[j]) continue;
+      if (before[j].cluster != site.cluster) continue;
+      const double distance = (before[j].pixel - site.pixel).squaredNorm();
+      if (distance < least) least = distance, near = j;
+    }
+    double best = chi2[i] - kHorizonGain;
+    DiagnosisSite chosen = site;
+    SiteColumns scratch;
+    const auto tryOut = [&](float sine, const DiagnosisSite* other) {
+      if (job.cancelled()) return;
+      DiagnosisSite trial = site;
+      if (other) {
+        trial.model.slopeX = other->model.slopeX, trial.model.slopeY = other->model.slopeY;
+        trial.model.sigma = other->model.sigma, trial.model.kurtosis = other->model.kurtosis;
+        trial.diffuse = other->diffuse, trial.specular = other->specular;
+      }
+      trial.horizonSine = sine;
+      trial.ownHorizon = true;
+      DiagnosisCapture one = alone(capture, trial);
+      refineSites(one, model, 6, job, false);
+      double n = 0;
+      const double after = chi2Of(capture, model, one.sites[0], n, scratch);
+      if (!(after < best)) return;
+      best = after;
+      chosen = one.sites[0];
+      chosen.robust = site.robust;
+    };
+    if (seeds) {
+      const DiagnosisSite* seed = nullptr;
+      double closest = std::numeric_limits<double>::max();
+      for (const DiagnosisSite& other : *seeds) {
+        if (!other.usable || !other.ownHorizon || other.cluster != site.cluster) continue;
+        const double distance = (other.pixel - site.pixel).squaredNorm();
+        if (distance < closest) closest = distance, seed = &other;
+      }
+      if (seed) {
+        tryOut(seed->horizonSine, seed);
+        if (best > kNotWell * numbers[i]) tryOut(seed->horizonSine, nullptr);
+      }
+    } else {
+      constexpr double kRadians = 0.017453292519943295;
+      for (const DiagnosisSite* other :
+           {near < count ? &before[near] : nullptr, static_cast<const DiagnosisSite*>(nullptr)})
+        for (const double degrees : {48.0, 34.0, 56.0, 41.0, 27.0, 20.0, 64.0})
+          if (best > kWellPredicted * numbers[i])
+            tryOut(static_cast<float>(std::sin(degrees * kRadians)), other);
+    }
+    if (!chosen.ownHorizon) return;
+    DiagnosisCapture one = alone(capture, chosen);
+    refineSites(one, model, 12, job, false);
+    const float robust = site.robust;
+    site = one.sites[0];
+    site.robust = robust;
+    ++found;
+  });
+  return found;
+}
+
+}  // namespace patina
