@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "engine/diagnosis/explain_kinds.h"
+#include "engine/diagnosis/fourier_candidate.h"
 #include "engine/diagnosis/fourier_corrections.h"
 #include "engine/diagnosis/fourier_findings.h"
 #include "engine/diagnosis/fourier_suggest.h"
@@ -19,45 +20,6 @@ namespace patina {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-/// Probability that a chi-square variable exceeds x (Wilson and Hilferty 1931).
-double chiSquareTail(double x, double n) {
-  if (x <= 0 || n <= 0) return 1;
-  const double z = (std::cbrt(x / n) - (1 - 2 / (9 * n))) / std::sqrt(2 / (9 * n));
-  return 0.5 * std::erfc(z / std::sqrt(2.0));
-}
-
-/// Standard deviations that a tail probability stands for; large values by the asymptotic form.
-double sigmasOf(double gain, double n) {
-  const double x = std::max(gain, 0.0);
-  const double z = (std::cbrt(x / n) - (1 - 2 / (9 * n))) / std::sqrt(2 / (9 * n));
-  return z > 6 ? std::sqrt(std::max(0.0, x - n)) : z;
-}
-
-struct Candidate {
-  std::string id;
-  ScoreResult score;
-  double phi = 1, correctedP = 1;
-  bool tried = false, plausible = true;
-  double improvement = 0;  ///< fall of chi2, fitted and held out, minus what its numbers cost
-  double heldGain = 0, heldSd = 0;
-  double betterPatches = 0;  ///< share of the patches whose held-out photographs it predicts better
-  double heldRms = -1;
-  double explained = 0;  ///< share of the residual above noise
-  double noiseGain = 0;  ///< fall of chi2, fitted and held out, with noise alone as the unit
-  std::optional<DiagnosisSession> session;
-  RefitResult refit;
-};
-
-/// Uncertainty of a difference of sums over patches, from the patches' scatter.
-double patchSd(const std::vector<double>& a, const std::vector<double>& b) {
-  const std::size_t n = std::min(a.size(), b.size());
-  if (n < 2) return 0;
-  double mean = 0, square = 0;
-  for (std::size_t i = 0; i < n; ++i) mean += (a[i] - b[i]) / static_cast<double>(n);
-  for (std::size_t i = 0; i < n; ++i) square += std::pow(a[i] - b[i] - mean, 2);
-  return std::sqrt(square * static_cast<double>(n) / static_cast<double>(n - 1));
-}
 
 class FourierExplainer {
  public:
@@ -154,15 +116,7 @@ class FourierExplainer {
     }
     for (auto& c : all) c.correctedP = std::min(1.0, c.correctedP * static_cast<double>(all.size()));
     std::ranges::sort(all, std::greater<>(), [](const Candidate& c) { return c.score.logEvidence / c.phi; });
-    for (const auto& c : all) {
-      char text[200];
-      std::snprintf(
-          text, sizeof text,
-          "score %s: gain %.1f for %d numbers, log evidence %.1f, held-out gain %.1f +- %.1f, p %.2g",
-          c.id.c_str(), c.score.gain, c.score.numbers, c.score.logEvidence, c.score.heldGain, c.score.heldSd,
-          c.correctedP);
-      job_.info(text);
-    }
+    for (const auto& c : all) job_.info(scoreText(c));
     return all;
   }
 
@@ -229,44 +183,10 @@ class FourierExplainer {
         effects.push_back(c.id);
         c.refit = refitEffects(trial, effects, 4, job_);
         if (job_.cancelled()) return cancelled();
-        c.tried = true;
-        c.plausible = c.refit.plausible;
-        const double phi = std::max(1.0, c.refit.error.chi2 / std::max(c.refit.error.count, 1.0));
-        c.phi = phi;
-        double numbers = c.score.numbers;
-        if (c.id == "flicker" || c.id == "ambient-drift") numbers += static_cast<double>(heldRows());
-        if (c.id == "self-shadowing") numbers = horizonsOf(trial);
-        c.improvement = before.all() - c.refit.error.all() - phi * numbers * kNumberCost;
-        c.heldGain = before.heldChi2 - c.refit.error.heldChi2;
-        if (c.id == "flicker" || c.id == "ambient-drift") c.heldGain -= phi * static_cast<double>(heldRows());
-        c.heldSd = std::max(patchSd(before.heldPatch, c.refit.error.heldPatch),
-                            2 * std::sqrt(phi * std::abs(c.heldGain)));
-        const std::size_t patches = std::min(before.heldPatch.size(), c.refit.error.heldPatch.size());
-        double seen = 0;
-        for (std::size_t p = 0; p < patches; ++p) {
-          if (before.heldPatch[p] <= 0) continue;  // no site of it was usable
-          ++seen;
-          c.betterPatches += c.refit.error.heldPatch[p] < before.heldPatch[p];
-        }
-        c.betterPatches /= std::max(seen, 1.0);
-        c.heldRms = c.refit.error.first.heldRms;
-        c.noiseGain = before.noise - c.refit.error.noise;
-        c.explained = std::clamp((before.first.noiseChi2 - c.refit.error.first.noiseChi2) /
-                                     std::max(before.first.noiseChi2 - before.first.noiseCount, 1.0),
-                                 0.0, 1.0);
+        judgeRefit(c, before, trial, static_cast<double>(heldRows()));
         if (c.plausible) mostImprovement = std::max(mostImprovement, c.improvement);
         c.session.emplace(std::move(trial));
-        char text[256];
-        std::snprintf(text, sizeof text,
-                      "%s: chi-square %.3f to %.3f, held out %.3f to %.3f, gain %.0f (%.0f of noise), "
-                      "held-out gain %.0f +- "
-                      "%.0f%s",
-                      c.id.c_str(), before.chi2 / std::max(before.count, 1.0),
-                      c.refit.error.chi2 / std::max(c.refit.error.count, 1.0),
-                      before.heldChi2 / std::max(before.heldCount, 1.0),
-                      c.refit.error.heldChi2 / std::max(c.refit.error.heldCount, 1.0), c.improvement,
-                      c.noiseGain, c.heldGain, c.heldSd, c.plausible ? "" : ", beyond what makes sense");
-        job_.info(text);
+        job_.info(refitText(c, before));
         job_.progress("refit", static_cast<std::int64_t>(++done), static_cast<std::int64_t>(list.size()),
                       "candidates");
       }
@@ -341,14 +261,6 @@ class FourierExplainer {
     return signatureByFrequency(few, test, id, job_);
   }
 
-  /// Numbers of self-shadowing: a horizon for each site that has one.
-  static double horizonsOf(const DiagnosisSession& session) {
-    double n = 0;
-    for (const auto& capture : session.captures)
-      for (const auto& site : capture.sites) n += site.ownHorizon;
-    return n;
-  }
-
   bool acceptable(const Candidate& c) const {
     if (!c.tried || !c.plausible || c.improvement <= kLeastImprovement * c.phi) return false;
     // What has been added is itself modelled to some part in a hundred: less than that may be its shadow.
@@ -356,6 +268,12 @@ class FourierExplainer {
     if (heldRows() == 0) return true;
     // Beyond its uncertainty; or, where a few patches hold most of it, in nearly all patches.
     return c.heldGain > kLeastHeldGain * c.phi && (c.heldGain > 2 * c.heldSd || c.betterPatches > 0.75);
+  }
+
+  /// A number for each photograph follows any curve over time: no rival of the few numbers that it was passed
+  /// over for.
+  static bool holdsBoth(const Candidate& many, const Candidate& few) {
+    return many.score.numbers > 50 && few.score.numbers < 10;
   }
 
   std::size_t heldRows() const {
@@ -368,16 +286,9 @@ class FourierExplainer {
                             const Candidate& best) {
     double second = 0;
     for (const std::size_t i : list)
-      if (&all[i] != &best && all[i].tried && all[i].plausible) second = std::max(second, all[i].improvement);
+      if (&all[i] != &best && all[i].tried && all[i].plausible && !holdsBoth(all[i], best))
+        second = std::max(second, all[i].improvement);
     return best.improvement > 0 ? second / best.improvement : 1;
-  }
-
-  /// From the lead over the second best: its share of the improvement, and in units of noise.
-  static double confidenceOf(const Candidate& best, double secondShare) {
-    const double lead = best.improvement * (1 - secondShare) / best.phi;
-    const double byNoise = 1 - std::exp(-std::max(lead, 0.0) / 20),
-                 byShare = 1 - 0.5 * std::pow(std::clamp(secondShare, 0.0, 1.0), 8);
-    return std::clamp(byNoise * byShare, 0.05, 0.99);
   }
 
   void noteConfusable(const std::vector<Candidate>& all, const std::vector<std::size_t>& list,
@@ -385,7 +296,8 @@ class FourierExplainer {
     std::vector<std::pair<double, std::string>> others;
     for (const std::size_t i : list) {
       const Candidate& c = all[i];
-      if (&c == &best || !c.tried || !c.plausible || c.id == "basis-deviation") continue;
+      if (&c == &best || !c.tried || !c.plausible || c.id == "basis-deviation" || holdsBoth(c, best))
+        continue;
       const double gap = best.improvement - c.improvement;
       const bool close = gap < 15 * best.phi || c.improvement > 0.97 * best.improvement;
       if (close && test.correlation(best.id, c.id) > 0.5) others.push_back({gap, c.id});
@@ -570,7 +482,6 @@ class FourierExplainer {
   }
 
   static constexpr std::size_t kRefits = 6, kRefitSites = 150, kFinalSites = 400;
-  static constexpr double kNumberCost = 4;  ///< chi2 that a number must earn
   static constexpr double kLeastImprovement = 25, kLeastHeldGain = 6;
   static constexpr double kShadow = 0.015;
   static constexpr double kPlentyOfGain = 3000;  ///< of the score: with as much, kRefitSites tell

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <numeric>
 
 #include "engine/effect/effect_info.h"
@@ -58,49 +59,69 @@ std::vector<EffectEstimate> effectParameters(const DiagnosisSession& session, st
                        const std::string& where = "") {
     out.push_back({name, unit, value, spread, where});
   };
-  const auto perMaterial = [&](auto write) {
-    for (std::size_t k = 0; k < static_cast<std::size_t>(capture.clusterCount) && k < state.material.size();
-         ++k)
-      write(state.material[k], static_cast<int>(k), materialName(session, k));
+  // Strongest first: a reader of one value gets that of the material that shows the effect.
+  using Material = EffectState::Material;
+  const auto perMaterial = [&](auto strength, auto write) {
+    std::vector<std::size_t> order(
+        std::min(static_cast<std::size_t>(capture.clusterCount), state.material.size()));
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, std::greater<>(),
+                             [&](std::size_t k) { return std::abs(strength(state.material[k])); });
+    for (const std::size_t k : order) write(state.material[k], static_cast<int>(k), materialName(session, k));
   };
   if (id == "anisotropy") {
-    perMaterial([&](const EffectState::Material& m, int k, const std::string& where) {
-      const double r = std::hypot(m.stretch[0], m.stretch[1]), spread = sd("stretch 1", k);
-      put("ratio", "", std::exp(r), std::exp(r) * spread, where);
-      put("angleDeg", "degrees", 0.5 * kDegrees * std::atan2(m.stretch[1], m.stretch[0]),
-          r > 0 ? 0.5 * kDegrees * spread / r : 90, where);
-    });
+    perMaterial([](const Material& m) { return std::hypot(m.stretch[0], m.stretch[1]); },
+                [&](const EffectState::Material& m, int k, const std::string& where) {
+                  const double r = std::hypot(m.stretch[0], m.stretch[1]), spread = sd("stretch 1", k);
+                  put("ratio", "", std::exp(r), std::exp(r) * spread, where);
+                  put("angleDeg", "degrees", 0.5 * kDegrees * std::atan2(m.stretch[1], m.stretch[0]),
+                      r > 0 ? 0.5 * kDegrees * spread / r : 90, where);
+                });
   } else if (id == "third-lobe") {
-    perMaterial([&](const EffectState::Material& m, int k, const std::string& where) {
-      const double share = m.third[0] + m.third[1];
-      put("share", "", share, std::hypot(sd("near", k), sd("broad", k)), where);
-      const double weight = std::abs(m.third[0]) + std::abs(m.third[1]);
-      put("sigmaRatio", "",
-          weight > 0 ? (2.5 * std::abs(m.third[0]) + 5 * std::abs(m.third[1])) / weight : 2.5, 1, where);
-    });
+    perMaterial([](const Material& m) { return m.third[0] + m.third[1]; },
+                [&](const EffectState::Material& m, int k, const std::string& where) {
+                  const double share = m.third[0] + m.third[1];
+                  put("share", "", share, std::hypot(sd("near", k), sd("broad", k)), where);
+                  const double weight = std::abs(m.third[0]) + std::abs(m.third[1]);
+                  put("sigmaRatio", "",
+                      weight > 0 ? (2.5 * std::abs(m.third[0]) + 5 * std::abs(m.third[1])) / weight : 2.5, 1,
+                      where);
+                });
   } else if (id == "fresnel") {
-    perMaterial([&](const EffectState::Material& m, int k, const std::string& where) {
-      put("power", "", m.fresnelPower, sd("power", k), where);
-    });
+    perMaterial([](const Material& m) { return m.fresnelPower - 5; },
+                [&](const EffectState::Material& m, int k, const std::string& where) {
+                  put("power", "", m.fresnelPower, sd("power", k), where);
+                });
   } else if (id == "sheen" || id == "retroreflection" || id == "clearcoat") {
-    perMaterial([&](const EffectState::Material& m, int k, const std::string& where) {
-      put("strength", "",
-          id == "sheen"       ? m.sheen
-          : id == "clearcoat" ? m.clearcoat
-                              : m.retro,
-          sd("strength", k), where);
-    });
+    perMaterial(
+        [&](const Material& m) {
+          return id == "sheen" ? m.sheen : id == "clearcoat" ? m.clearcoat : m.retro;
+        },
+        [&](const EffectState::Material& m, int k, const std::string& where) {
+          put("strength", "",
+              id == "sheen"       ? m.sheen
+              : id == "clearcoat" ? m.clearcoat
+                                  : m.retro,
+              sd("strength", k), where);
+        });
   } else if (id == "iridescence") {
-    perMaterial([&](const EffectState::Material& m, int k, const std::string& where) {
-      put("chromaChange", "", std::hypot(m.iridescence[0], m.iridescence[1]), sd("red-green", k), where);
-    });
+    perMaterial([](const Material& m) { return std::hypot(m.iridescence[0], m.iridescence[1]); },
+                [&](const EffectState::Material& m, int k, const std::string& where) {
+                  put("chromaChange", "", std::hypot(m.iridescence[0], m.iridescence[1]), sd("red-green", k),
+                      where);
+                });
   } else if (id == "basis-deviation") {
-    perMaterial([&](const EffectState::Material& m, int k, const std::string& where) {
-      double most = std::abs(std::exp(m.inPlane) - 1);
-      for (const double f : m.freeForm)
-        most = std::max(most, std::abs(std::exp(std::clamp(f, -3.0, 3.0)) - 1));
-      put("relativeChange", "", most, sd("core", k), where);
-    });
+    perMaterial(
+        [](const Material& m) {
+          return std::abs(m.freeForm[0]) + std::abs(m.freeForm[1]) + std::abs(m.freeForm[2]) +
+                 std::abs(m.inPlane);
+        },
+        [&](const EffectState::Material& m, int k, const std::string& where) {
+          double most = std::abs(std::exp(m.inPlane) - 1);
+          for (const double f : m.freeForm)
+            most = std::max(most, std::abs(std::exp(std::clamp(f, -3.0, 3.0)) - 1));
+          put("relativeChange", "", most, sd("core", k), where);
+        });
   } else if (id == "subsurface") {
     const double share = state.subsurface[0] + state.subsurface[1];
     put("share", "", share, sd("2 mm"));
