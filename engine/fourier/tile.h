@@ -28,8 +28,9 @@ class Tile {
 
  private:
   /// A site's input, its arrays at the given places.
-  SiteData describe(const FourierFitState& state, std::size_t site, const Eigen::Vector2d& point,
-                    double varianceShare, const float* z, const float* dc, float* diffuse) const;
+  SiteData describe(const FourierFitState& state, const DiffuseTransform& transform, std::size_t site,
+                    const Eigen::Vector2d& point, double varianceShare, const float* z, const float* dc,
+                    float* diffuse) const;
 
   std::vector<float> diffuse_, ownDiffuse_, z_, ownZ_, dc_;
   std::vector<std::vector<std::uint16_t>> pooledDropped_;

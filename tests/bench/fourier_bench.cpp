@@ -5,10 +5,12 @@
 
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "engine/fourier/fit_state.h"
 #include "engine/fourier/measurements.h"
+#include "engine/fourier/operation_count.h"
 #include "engine/fourier/solve_sheet.h"
 #include "engine/fourier/solver.h"
 #include "engine/fourier/tile.h"
@@ -58,8 +60,27 @@ double secondsOf(const auto& work) {
   return now() - start;
 }
 
+/// The share of frequencies at which a texel's lobe hasn't decayed: the others are left out of its step.
+double litShare(const SolverSetup& setup, std::span<const SiteData> data,
+                std::span<const SiteSolution> found) {
+  std::vector<LobeParameters> lobes;
+  for (const SiteSolution& solution : found) lobes.push_back(solution.lobe);
+  const std::size_t rows = 2 * setup.frequency.size() + 1;
+  std::vector<float> columns(data.size() * rows * kModelColumns);
+  modelColumns(setup, data, lobes, columns.data());
+  double lit = 0;
+  for (std::size_t i = 0; i < data.size(); ++i)
+    for (std::size_t row = 0; row + 1 < rows; row += 2) {
+      const float* at = columns.data() + (i * rows + row) * kModelColumns;
+      lit += at[1] != 0 || at[kModelColumns + 1] != 0;
+    }
+  return lit / static_cast<double>(data.size() * setup.frequency.size());
+}
+
 // Counters: microseconds a texel of each (all three starts), their ratio, the share of texels whose cost is
-// no higher than the baseline's, and the baseline's and our mean cost; microseconds a step of ours.
+// no higher than the baseline's, and the baseline's and our mean cost; microseconds a step of ours, at how
+// many of the frequencies the lobe is there at the end, and a step's operations then; microseconds a texel to
+// gather what the solver needs of neighbouring texels, and to find the albedos from its own measurements.
 void BM_TexelAgainstCeres(benchmark::State& state) {
   const Result<FourierCapture>& capture = benchCapture();
   if (!capture) return state.SkipWithError(capture.error().sentence().c_str());
@@ -118,6 +139,23 @@ void BM_TexelAgainstCeres(benchmark::State& state) {
   double manySteps = 0;
   for (const SiteSolution& found : manyFound) manySteps += found.iterations;
   state.counters["us_step"] = 1e6 * manySeconds / manySteps;
+  const double lit = litShare(setup, manyTile.data, manyFound);
+  state.counters["lit"] = lit;
+  state.counters["operations"] = solverOperations(setup, lit);
+  // What a stage does besides: runs of texels as `solveSheet` takes them.
+  constexpr int kRun = 256;
+  double gatherSeconds = 0, albedoSeconds = 0;
+  for (int run = 0; run < kMany / kRun; ++run) {
+    std::vector<std::uint32_t> together(kRun);
+    std::iota(together.begin(), together.end(), static_cast<std::uint32_t>(random() % (count - kRun)));
+    gatherSeconds += secondsOf([&] { benchmark::DoNotOptimize(Tile(**sheet, together, true)); });
+    albedoSeconds += secondsOf([&] {
+      refitAlbedos(setup, std::span(manyTile.own).subspan(static_cast<std::size_t>(run) * kRun, kRun),
+                   std::span(manyFound).subspan(static_cast<std::size_t>(run) * kRun, kRun));
+    });
+  }
+  state.counters["us_gather"] = 1e6 * gatherSeconds / kMany;
+  state.counters["us_albedos"] = 1e6 * albedoSeconds / kMany;
 
   const auto n = static_cast<double>(sites.size());
   state.counters["us_texel"] = 1e6 * ourSeconds / runs;
