@@ -158,10 +158,15 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
   const FourierMeasurements& m = state.measurements;
   const auto frequencies = static_cast<std::size_t>(m.frequencyCount());
   const std::size_t stride = (frequencies + 1) * 6, zStride = frequencies * 6;
-  diffuse_.resize(sites.size() * stride);
-  ownDiffuse_.resize(poolNeighbours ? sites.size() * stride : 0);
-  z_.assign(poolNeighbours ? sites.size() * zStride : 0, 0.0f);
-  ownZ_.resize(m.store.inMemory() ? 0 : sites.size() * zStride);
+  const auto room = [&](bool needed, std::size_t floats) {
+    return std::make_unique_for_overwrite<float[]>(needed ? sites.size() * floats : 0);
+  };
+  diffuse_ = room(true, stride);
+  ownDiffuse_ = room(poolNeighbours, stride);
+  z_ = room(poolNeighbours, zStride);
+  // Measurements in memory stay where they are; those of a scratch file are gone with the next block.
+  const bool inPlace = m.store.inMemory();
+  ownZ_ = room(!inPlace, zStride);
   data.reserve(sites.size());
   own.reserve(sites.size());
   dc_.assign(sites.size() * 3, 0.0f);
@@ -175,8 +180,6 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
   if (state.diffuse->partPays(low, high, (poolNeighbours ? 2 : 1) * sites.size()))
     part = state.diffuse->part(low, high);
   const DiffuseTransform& transform = part ? *part : *state.diffuse;
-  // Measurements in memory stay where they are; those of a scratch file are gone with the next block.
-  const bool inPlace = m.store.inMemory();
   // One block holds the sites that follow, as far as they lie close together, and their neighbours.
   constexpr std::size_t kFarApart = 4096;
   SiteBlock block;
@@ -190,12 +193,12 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
       block = m.store.block(sitesAround(m.sites, {s, last + 1 - s}), MeasurementStore::kZ);
     }
     const float* ownZ = block.z(s);
-    if (!inPlace) ownZ = std::copy_n(ownZ, zStride, ownZ_.data() + i * zStride) - zStride;
+    if (!inPlace) ownZ = std::copy_n(ownZ, zStride, ownZ_.get() + i * zStride) - zStride;
     const Eigen::Vector2d here = m.sites.pointMm[s].cast<double>();
     const Pool pool = poolNeighbours ? poolOf(m, block, s) : Pool{{s}, {1.0}, 1};
     if (pool.count == 1) {
       data.push_back(
-          describe(state, transform, s, here, 1, ownZ, m.dc.data() + s * 3, diffuse_.data() + i * stride));
+          describe(state, transform, s, here, 1, ownZ, m.dc.data() + s * 3, diffuse_.get() + i * stride));
       data.back().dropped = m.droppedRows(s);
       own.push_back(data.back());
       continue;
@@ -206,7 +209,8 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
       total += w, square += w * w;
     }
     Eigen::Vector2d point = Eigen::Vector2d::Zero();
-    float* z = z_.data() + i * zStride;
+    float* z = z_.get() + i * zStride;
+    std::fill_n(z, zStride, 0.0f);
     float* dc = dc_.data() + i * 3;
     bool spoilt = false;
     for (int k = 0; k < pool.count; ++k) {
@@ -218,14 +222,14 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
       spoilt |= !m.droppedRows(n).empty();
     }
     data.push_back(
-        describe(state, transform, s, point, square / (total * total), z, dc, diffuse_.data() + i * stride));
+        describe(state, transform, s, point, square / (total * total), z, dc, diffuse_.get() + i * stride));
     if (spoilt) {
       mendRows(m, block, pool, z);
       pooledDropped_[i] = missingRows(m, pool);
       data.back().dropped = pooledDropped_[i];
     }
     own.push_back(
-        describe(state, transform, s, here, 1, ownZ, m.dc.data() + s * 3, ownDiffuse_.data() + i * stride));
+        describe(state, transform, s, here, 1, ownZ, m.dc.data() + s * 3, ownDiffuse_.get() + i * stride));
     own.back().dropped = m.droppedRows(s);
   }
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -32,7 +33,9 @@ class Tile {
                     const Eigen::Vector2d& point, double varianceShare, const float* z, const float* dc,
                     float* diffuse) const;
 
-  std::vector<float> diffuse_, ownDiffuse_, z_, ownZ_, dc_;
+  // Filled where they are used; zeroing megabytes beforehand would take as long as some of the steps.
+  std::unique_ptr<float[]> diffuse_, ownDiffuse_, z_, ownZ_;
+  std::vector<float> dc_;
   std::vector<std::vector<std::uint16_t>> pooledDropped_;
 };
 

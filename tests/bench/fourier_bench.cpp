@@ -3,6 +3,7 @@
 #include <benchmark/benchmark.h>
 #include <time.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -16,6 +17,7 @@
 #include "engine/fourier/tile.h"
 #include "tests/bench/bench_capture.h"
 #include "tests/bench/fourier_baseline.h"
+#include "tests/results/machine_rate.h"
 
 namespace patina::bench {
 namespace {
@@ -58,6 +60,11 @@ double secondsOf(const auto& work) {
   const double start = now();
   work();
   return now() - start;
+}
+
+double median(std::vector<double> values) {
+  std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2));
+  return values[values.size() / 2];
 }
 
 /// The share of frequencies at which a texel's lobe hasn't decayed: the others are left out of its step.
@@ -135,27 +142,36 @@ void BM_TexelAgainstCeres(benchmark::State& state) {
   const std::vector<LobeParameters> manyStarts(many.size(),
                                                {std::log(kStartSigma[0]), std::log(0.03f), 0, 0});
   std::vector<SiteSolution> manyFound(many.size());
-  const double manySeconds = secondsOf([&] { solveSites(setup, manyTile.data, manyStarts, manyFound); });
+  solveSites(setup, manyTile.data, manyStarts, manyFound);
   double manySteps = 0;
   for (const SiteSolution& found : manyFound) manySteps += found.iterations;
-  state.counters["us_step"] = 1e6 * manySeconds / manySteps;
   const double lit = litShare(setup, manyTile.data, manyFound);
   state.counters["lit"] = lit;
-  state.counters["operations"] = solverOperations(setup, lit);
-  // What a stage does besides: runs of texels as `solveSheet` takes them.
-  constexpr int kRun = 256;
-  double gatherSeconds = 0, albedoSeconds = 0;
-  for (int run = 0; run < kMany / kRun; ++run) {
-    std::vector<std::uint32_t> together(kRun);
-    std::iota(together.begin(), together.end(), static_cast<std::uint32_t>(random() % (count - kRun)));
-    gatherSeconds += secondsOf([&] { benchmark::DoNotOptimize(Tile(**sheet, together, true)); });
-    albedoSeconds += secondsOf([&] {
-      refitAlbedos(setup, std::span(manyTile.own).subspan(static_cast<std::size_t>(run) * kRun, kRun),
-                   std::span(manyFound).subspan(static_cast<std::size_t>(run) * kRun, kRun));
-    });
+  const double operations = solverOperations(setup, lit);
+  // In turn with the machine's rate, and the median of many turns: what else runs here disturbs both.
+  constexpr int kTurns = 21;
+  std::vector<double> step, rate, times;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    rate.push_back(test::multiplyAddRate());
+    step.push_back(secondsOf([&] { solveSites(setup, manyTile.data, manyStarts, manyFound); }) / manySteps);
+    times.push_back(step.back() * rate.back() * 2 / operations);
   }
-  state.counters["us_gather"] = 1e6 * gatherSeconds / kMany;
-  state.counters["us_albedos"] = 1e6 * albedoSeconds / kMany;
+  state.counters["operations"] = operations;
+  state.counters["us_step"] = 1e6 * median(step);
+  state.counters["multiply_adds"] = median(rate);
+  state.counters["floor_times"] = median(times);
+  // What a stage does besides: runs of texels as `solveSheet` takes them.
+  const std::size_t run = std::min<std::size_t>(256, count / 2);
+  std::vector<double> gather, albedos;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    std::vector<std::uint32_t> together(run);
+    std::iota(together.begin(), together.end(), static_cast<std::uint32_t>(random() % (count - run)));
+    gather.push_back(secondsOf([&] { benchmark::DoNotOptimize(Tile(**sheet, together, true)); }));
+    albedos.push_back(secondsOf(
+        [&] { refitAlbedos(setup, std::span(manyTile.own).first(run), std::span(manyFound).first(run)); }));
+  }
+  state.counters["us_gather"] = 1e6 * median(gather) / static_cast<double>(run);
+  state.counters["us_albedos"] = 1e6 * median(albedos) / static_cast<double>(run);
 
   const auto n = static_cast<double>(sites.size());
   state.counters["us_texel"] = 1e6 * ourSeconds / runs;
