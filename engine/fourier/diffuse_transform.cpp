@@ -162,8 +162,34 @@ class PointTransform {
   Eigen::MatrixXcd phases_[2];
 };
 
-double chebyshevNode(int k, int count) {
-  return std::cos(std::numbers::pi * (k + 0.5) / count);
+/// Chebyshev's nodes of the first kind, and their weights in barycentric interpolation, for a few counts.
+struct ChebyshevNodes {
+  static constexpr int kMost = 9;
+  double node[kMost + 1][kMost], weight[kMost + 1][kMost];
+  ChebyshevNodes() {
+    for (int count = 1; count <= kMost; ++count) {
+      for (int k = 0; k < count; ++k) {
+        const double angle = std::numbers::pi * (k + 0.5) / count;
+        node[count][k] = std::cos(angle);
+        weight[count][k] = (k % 2 ? -1.0 : 1.0) * std::sin(angle);
+      }
+    }
+  }
+};
+/// Nodes for a part of the sheet, by its share of the sheet along an axis: fewer where the table's polynomial
+/// is all but straight.
+int enoughNodes(double share) {
+  constexpr struct {
+    double share;
+    int nodes;
+  } kEnough[] = {{0.002, 2}, {0.02, 3}, {0.05, 4}, {0.1, 5}};
+  const auto* found = std::ranges::find_if(kEnough, [&](const auto& e) { return share <= e.share; });
+  return found == std::end(kEnough) ? ChebyshevNodes::kMost : found->nodes;
+}
+
+const ChebyshevNodes& chebyshevNodes() {
+  static const ChebyshevNodes nodes;
+  return nodes;
 }
 
 }  // namespace
@@ -175,10 +201,7 @@ DiffuseTransform::DiffuseTransform(const ScreenFrame& frame, Eigen::Vector2d sam
   const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
   std::vector<float> full(static_cast<std::size_t>(kNodes) * kNodes * stride);
   const PointTransform point(frame, frequencies, method);
-  const auto node = [&](int i) {
-    return Eigen::Vector2d(chebyshevNode(i % kNodes, kNodes) * halfSizeMm_.x(),
-                           chebyshevNode(i / kNodes, kNodes) * halfSizeMm_.y());
-  };
+  const auto node = [&](int i) { return nodeMm(static_cast<std::size_t>(i)); };
   tbb::parallel_for(0, kNodes * kNodes, [&](int i) {
     point.at(shape.pointMm(node(i)), full.data() + static_cast<std::size_t>(i) * stride);
   });
@@ -235,11 +258,12 @@ void DiffuseTransform::findKept(const std::vector<float>& full) {
 
 std::vector<float> DiffuseTransform::compacted(const std::vector<float>& full) const {
   const std::size_t stride = static_cast<std::size_t>(frequencyCount_) * 6;
-  std::vector<float> out(static_cast<std::size_t>(kNodes) * kNodes * kept_.size() * 6);
-  float* to = out.data();
-  for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
+  std::vector<float> out(nodeCount() * this->stride(), 0.0f);
+  for (std::size_t node = 0; node < nodeCount(); ++node) {
+    float* to = out.data() + node * this->stride();
     for (const int f : kept_)
       to = std::copy_n(full.data() + node * stride + static_cast<std::size_t>(f) * 6, 6, to);
+  }
   return out;
 }
 
@@ -252,6 +276,8 @@ std::vector<char> DiffuseTransform::counts() const {
 DiffuseTransform DiffuseTransform::select(const std::vector<int>& indices) const {
   DiffuseTransform out;
   out.frequencyCount_ = static_cast<int>(indices.size());
+  std::ranges::copy(nodes_, out.nodes_);
+  out.centreMm_ = centreMm_;
   out.halfSizeMm_ = halfSizeMm_;
   std::vector<std::size_t> from;
   for (std::size_t i = 0; i < indices.size(); ++i) {
@@ -264,10 +290,11 @@ DiffuseTransform DiffuseTransform::select(const std::vector<int>& indices) const
   out.nodeHeight_ = nodeHeight_;
   const auto pick = [&](const std::vector<float>& all, std::vector<float>& some) {
     if (all.empty()) return;
-    some.resize(static_cast<std::size_t>(kNodes) * kNodes * from.size() * 6);
-    float* to = some.data();
-    for (std::size_t node = 0; node < static_cast<std::size_t>(kNodes) * kNodes; ++node)
-      for (const std::size_t f : from) to = std::copy_n(all.data() + (node * kept_.size() + f) * 6, 6, to);
+    some.assign(nodeCount() * out.stride(), 0.0f);
+    for (std::size_t node = 0; node < nodeCount(); ++node) {
+      float* to = some.data() + node * out.stride();
+      for (const std::size_t f : from) to = std::copy_n(all.data() + node * stride() + f * 6, 6, to);
+    }
   };
   pick(table_, out.table_);
   pick(rest_, out.rest_);
@@ -282,35 +309,78 @@ std::vector<float> DiffuseTransform::atPoint(const ScreenFrame& frame, const Eig
   return out;
 }
 
+DiffuseTransform DiffuseTransform::part(const Eigen::Vector2d& lowMm, const Eigen::Vector2d& highMm) const {
+  DiffuseTransform out;
+  out.frequencyCount_ = frequencyCount_;
+  out.kept_ = kept_;
+  out.heightMm_ = heightMm_;
+  out.centreMm_ = 0.5 * (lowMm + highMm);
+  // a single point or line has a size too
+  constexpr double kSmallest = 1e-4;
+  out.halfSizeMm_ = (0.5 * (highMm - lowMm)).cwiseMax(kSmallest * halfSizeMm_);
+  for (int axis = 0; axis < 2; ++axis)
+    out.nodes_[axis] = std::min(nodes_[axis], enoughNodes(out.halfSizeMm_[axis] / halfSizeMm_[axis]));
+  out.table_.resize(out.nodeCount() * stride());
+  out.rest_.resize(rest_.empty() ? 0 : out.table_.size());
+  for (std::size_t node = 0; node < out.nodeCount(); ++node) {
+    const Eigen::Vector2d at = out.nodeMm(node);
+    float product[kNodes * kNodes];
+    nodeWeights(at, product);
+    weightedNodeSum(table_.data(), product, nodeCount(), stride(), out.table_.data() + node * stride());
+    if (rest_.empty()) continue;
+    weightedNodeSum(rest_.data(), product, nodeCount(), stride(), out.rest_.data() + node * stride());
+    out.nodeHeight_.push_back(smoothHeightMm(at));
+  }
+  return out;
+}
+
+bool DiffuseTransform::partPays(const Eigen::Vector2d& lowMm, const Eigen::Vector2d& highMm,
+                                std::size_t points) const {
+  const Eigen::Array2d share = (0.5 * (highMm - lowMm)).array() / halfSizeMm_.array();
+  const auto nodes = static_cast<std::size_t>(std::min(nodes_[0], enoughNodes(share.x()))) *
+                     static_cast<std::size_t>(std::min(nodes_[1], enoughNodes(share.y())));
+  return nodes * (nodeCount() + points) < nodeCount() * points;
+}
+
+Eigen::Vector2d DiffuseTransform::nodeMm(std::size_t node) const {
+  const int i = static_cast<int>(node);
+  return {centreMm_.x() + chebyshevNodes().node[nodes_[0]][i % nodes_[0]] * halfSizeMm_.x(),
+          centreMm_.y() + chebyshevNodes().node[nodes_[1]][i / nodes_[0]] * halfSizeMm_.y()};
+}
+
 void DiffuseTransform::nodeWeights(const Eigen::Vector2d& pointMm, float (&product)[kNodes * kNodes]) const {
   // Barycentric interpolation at Chebyshev points of the first kind.
   float weight[2][kNodes];
   for (int axis = 0; axis < 2; ++axis) {
-    const double u = pointMm[axis] / halfSizeMm_[axis];
+    const double u = (pointMm[axis] - centreMm_[axis]) / halfSizeMm_[axis];
+    const int count = nodes_[axis];
     double sum = 0, raw[kNodes];
     int exact = -1;
-    for (int k = 0; k < kNodes; ++k) {
-      const double angle = std::numbers::pi * (k + 0.5) / kNodes;
-      const double gap = u - std::cos(angle);
+    for (int k = 0; k < count; ++k) {
+      const double gap = u - chebyshevNodes().node[count][k];
       if (std::abs(gap) < 1e-12) exact = k;
-      raw[k] = (k % 2 ? -1.0 : 1.0) * std::sin(angle) / gap;
+      raw[k] = chebyshevNodes().weight[count][k] / gap;
       sum += raw[k];
     }
-    for (int k = 0; k < kNodes; ++k)
-      weight[axis][k] = static_cast<float>(exact >= 0 ? (k == exact ? 1.0 : 0.0) : raw[k] / sum);
+    const double scale = 1 / sum;
+    for (int k = 0; k < count; ++k)
+      weight[axis][k] = static_cast<float>(exact >= 0 ? (k == exact ? 1.0 : 0.0) : raw[k] * scale);
   }
-  for (int j = 0; j < kNodes; ++j)
-    for (int i = 0; i < kNodes; ++i) product[j * kNodes + i] = weight[0][i] * weight[1][j];
+  for (int j = 0; j < nodes_[1]; ++j)
+    for (int i = 0; i < nodes_[0]; ++i) product[j * nodes_[0] + i] = weight[0][i] * weight[1][j];
 }
 
-double DiffuseTransform::restMm(const Eigen::Vector2d& pointMm) const {
-  if (!heightMm_) return 0;
+double DiffuseTransform::smoothHeightMm(const Eigen::Vector2d& pointMm) const {
   float product[kNodes * kNodes];
   nodeWeights(pointMm, product);
   double smooth = 0;
   for (std::size_t i = 0; i < nodeHeight_.size(); ++i)
     smooth += static_cast<double>(product[i]) * nodeHeight_[i];
-  return heightMm_(pointMm) - smooth;
+  return smooth;
+}
+
+double DiffuseTransform::restMm(const Eigen::Vector2d& pointMm) const {
+  return heightMm_ ? heightMm_(pointMm) - smoothHeightMm(pointMm) : 0;
 }
 
 void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
@@ -320,19 +390,14 @@ void DiffuseTransform::at(const Eigen::Vector2d& pointMm, float* out) const {
 void DiffuseTransform::at(const Eigen::Vector2d& pointMm, double restMm, float* out) const {
   float product[kNodes * kNodes];
   nodeWeights(pointMm, product);
-  constexpr std::size_t kAll = static_cast<std::size_t>(kNodes) * kNodes;
-  const std::size_t stride = kept_.size() * 6;
-  const bool all = kept_.size() == static_cast<std::size_t>(frequencyCount_);
   thread_local std::vector<float> sums, rest;
-  sums.resize(stride);
-  float* to = all ? out : sums.data();
-  weightedNodeSum(table_.data(), product, kAll, stride, to);
+  sums.resize(stride());
+  weightedNodeSum(table_.data(), product, nodeCount(), stride(), sums.data());
   if (!rest_.empty() && restMm != 0) {
-    rest.resize(stride);
-    weightedNodeSum(rest_.data(), product, kAll, stride, rest.data());
-    for (std::size_t i = 0; i < stride; ++i) to[i] += static_cast<float>(restMm) * rest[i];
+    rest.resize(stride());
+    weightedNodeSum(rest_.data(), product, nodeCount(), stride(), rest.data());
+    for (std::size_t i = 0; i < stride(); ++i) sums[i] += static_cast<float>(restMm) * rest[i];
   }
-  if (all) return;
   std::fill_n(out, static_cast<std::size_t>(frequencyCount_) * 6, 0.0f);
   for (std::size_t k = 0; k < kept_.size(); ++k)
     std::copy_n(sums.data() + k * 6, 6, out + static_cast<std::size_t>(kept_[k]) * 6);

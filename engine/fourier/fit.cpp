@@ -16,6 +16,7 @@
 #include "engine/base/cache_folder.h"
 #include "engine/fourier/emission_expansion.h"
 #include "engine/fourier/fit_state.h"
+#include "engine/fourier/levels.h"
 #include "engine/fourier/solve_sheet.h"
 
 namespace patina {
@@ -50,16 +51,21 @@ Result<SiteSet> sitesWithinMemory(const FourierCapture& capture, const FourierFi
   const double longest = std::max(capture.sampleWidthMm, capture.sampleHeightMm);
   const double aspect = std::min(capture.sampleWidthMm, capture.sampleHeightMm) / longest;
   const std::size_t pixels = sites->siteOfPixel.size();
+  const int finest = resolvedSize(capture, *sites);
   const auto needed = [&](std::size_t count, int longestTexels) {
     const auto texels = static_cast<std::size_t>(static_cast<double>(longestTexels) * longestTexels * aspect);
     const std::uint64_t store = MeasurementStore::bytesFor(count, static_cast<int>(plan.fitted.size()));
     const std::uint64_t limit = options.memoryLimitBytes;
-    return arrayBytes(count, texels, pixels) + (store <= limit / 2 ? store : 0) + limit / 8;
+    const std::uint64_t grid = options.schedule == FitSchedule::Paper
+                                   ? paperScheduleBytes(std::min(longestTexels, finest), aspect,
+                                                        static_cast<int>(plan.fitted.size()))
+                                   : 0;
+    return grid + arrayBytes(count, texels, pixels) + (store <= limit / 2 ? store : 0) + limit / 8;
   };
-  const int wanted = size > 0 ? size : resolvedSize(capture, *sites);
+  const int wanted = size > 0 ? size : finest;
   if (needed(sites->size(), wanted) <= options.memoryLimitBytes) return sites;
   // Twice the pixels' pitch at least: below, groups would hold one pixel or none. Then halved until it fits.
-  int coarser = std::min(wanted, resolvedSize(capture, *sites) / 2);
+  int coarser = std::min(wanted, finest / 2);
   for (; coarser >= 1; coarser = coarser * 7 / 8) {
     const auto count = static_cast<std::size_t>(static_cast<double>(coarser) * coarser * aspect) + 1;
     if (needed(count, coarser) > options.memoryLimitBytes) continue;

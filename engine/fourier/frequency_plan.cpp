@@ -37,6 +37,10 @@ FrequencyPlan::FrequencyPlan(const SolverSetup& setup) {
     ++directions.back().count;
     const bool counts =
         setup.diffuseCounts.empty() || setup.diffuseCounts[static_cast<std::size_t>(item.source)];
+    if (counts) {
+      diffuseRow.push_back(static_cast<int>(i));
+      diffuseSource.push_back(item.source);
+    }
     rows.push_back({item.k, item.source, counts ? diffuseRows++ : -1});
   }
 }

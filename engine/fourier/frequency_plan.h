@@ -20,6 +20,8 @@ struct FrequencyPlan {
   std::vector<Row> rows;
   std::vector<Direction> directions;
   int diffuseRows = 0;
+  std::vector<int> diffuseRow,
+      diffuseSource;  ///< of each row that has a diffuse part: index of `rows`, `source`
 
   explicit FrequencyPlan(const SolverSetup& setup);
 };

@@ -21,9 +21,15 @@ constexpr int kFirstDimension = 32, kLastDimension = 128;
 // The paper's are 12, 3 and 3; ours cost a thousandth, and end sooner where nothing is left to gain.
 constexpr int kFirstIterations = 15, kLaterIterations = 5;
 
+int halfOf(int texels) {
+  return std::max(1, texels / 2);
+}
+
 /// What the sites resolve, texels on the longest side.
 int siteResolution(const FourierFitState& state) {
-  const int resolved = resolvedSize(state.capture, state.measurements.sites);
+  const SiteSet& sites = state.measurements.sites;
+  if (sites.grouped()) return sites.cellsOnLongestSide;
+  const int resolved = resolvedSize(state.capture, sites);
   return state.options.size > 0 ? std::min(state.options.size, resolved) : resolved;
 }
 
@@ -232,12 +238,19 @@ Result<LevelSolution> solveLevels(const FourierFitState& state, const SolverSetu
   return solution;
 }
 
+std::uint64_t paperScheduleBytes(int longestTexels, double aspect, int frequencyCount) {
+  const double longest = halfOf(longestTexels);
+  const auto texels = static_cast<std::size_t>(longest * std::max(1.0, std::round(longest * aspect)));
+  return levelBytes(texels, frequencyCount, false) +
+         texels * (sizeof(SiteSolution) + sizeof(std::uint32_t));  // which of them have sites
+}
+
 Status paperSchedule(const FourierFitState& state, const SolverSetup& setup, std::span<SiteSolution> out,
                      const JobContext& job) {
   auto coarse = solveLevels(state, setup, job);
   if (!coarse) return coarse.error();
   LevelSolution half;
-  const auto [width, height] = gridFor(state, std::max(1, siteResolution(state) / 2));
+  const auto [width, height] = gridFor(state, halfOf(siteResolution(state)));
   half.data = measureLevel(state, width, height, false, job);
   half.reports = std::move(coarse->reports);
   half.texels.resize(half.data.size());

@@ -65,12 +65,16 @@ struct LevelSolution {
 Result<LevelSolution> solveLevels(const FourierFitState& state, const SolverSetup& setup,
                                   const JobContext& job);
 
+/// What the half resolution of `paperSchedule` takes while it is solved, for sites that resolve
+/// `longestTexels` on the longest side of a sheet whose other side is `aspect` times as long.
+std::uint64_t paperScheduleBytes(int longestTexels, double aspect, int frequencyCount);
+
 /// The paper's own schedule: levels, then independent texels at half of the sites' resolution started from
 /// the last level, then 7.2's upsampling to every site. Fills `out`, one a site, with lobes, albedos and the
 /// cost of the site's own measurements; no site is solved by itself.
 /// Progress stages: "levels", "solve", "upsample". Errors: Cancelled before the levels were
-/// finished; a later stop leaves outcome Failed where nothing is known yet. Memory: 900 bytes a texel of the
-/// half resolution.
+/// finished; a later stop leaves outcome Failed where nothing is known yet. Memory:
+/// `paperScheduleBytes`, and the last level.
 Status paperSchedule(const FourierFitState& state, const SolverSetup& setup, std::span<SiteSolution> out,
                      const JobContext& job);
 

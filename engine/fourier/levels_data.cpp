@@ -217,6 +217,13 @@ LevelData emptyLevel(const FourierFitState& state, int width, int height) {
   return level;
 }
 
+std::uint64_t levelBytes(std::size_t texels, int frequencyCount, bool withScatter) {
+  const std::uint64_t rows = 2 * static_cast<std::uint64_t>(frequencyCount);
+  const std::uint64_t values = (rows * 3 + 3) * sizeof(float);  // z and dc, and their scatter
+  return texels * (sizeof(std::uint32_t) + sizeof(Eigen::Vector2f) + values * (withScatter ? 2 : 1) +
+                   rows * sizeof(std::uint32_t) + 6 * sizeof(float));
+}
+
 std::uint32_t texelOf(const LevelData& grid, const Eigen::Vector2f& pointMm) {
   const double x = (pointMm.x() / grid.widthMm + 0.5) * grid.width,
                y = (0.5 - pointMm.y() / grid.heightMm) * grid.height;

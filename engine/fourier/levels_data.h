@@ -47,6 +47,9 @@ class MirrorPhase {
 /// A grid of `width` x `height` texels over the sample, without measurements.
 LevelData emptyLevel(const FourierFitState& state, int width, int height);
 
+/// What the arrays of a level's measurements take.
+std::uint64_t levelBytes(std::size_t texels, int frequencyCount, bool withScatter);
+
 /// The texel that a point of the sample lies in.
 std::uint32_t texelOf(const LevelData& grid, const Eigen::Vector2f& pointMm);
 

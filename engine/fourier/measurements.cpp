@@ -138,6 +138,7 @@ Result<SiteSet> makeSites(const FourierCapture& capture, int size) {
   const int columns =
       grouped ? std::max(1, static_cast<int>(std::lround(capture.sampleWidthMm / texelMm))) : 0;
   const int rows = grouped ? std::max(1, static_cast<int>(std::lround(capture.sampleHeightMm / texelMm))) : 0;
+  sites.cellsOnLongestSide = std::max(columns, rows);
   std::vector<std::int32_t> siteOfCell(static_cast<std::size_t>(columns) * rows, -1);
   for (std::size_t i = 0; i < pixels; ++i) {
     if (!grouped && i % camera.width == 0)

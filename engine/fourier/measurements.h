@@ -48,6 +48,7 @@ struct SiteSet {
   /// The first site of each image row, and the count at the end: sites go through the image row by row. Empty
   /// where sites are groups of pixels, which have no rows.
   std::vector<std::uint32_t> firstSiteOfRow;
+  int cellsOnLongestSide = 0;  ///< of the grid that groups pixels; 0 where they are single
   std::size_t size() const { return pointMm.size(); }
   bool grouped() const { return firstSiteOfRow.empty(); }
 };

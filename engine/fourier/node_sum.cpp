@@ -15,7 +15,30 @@ void WeightedNodeSum(const float* HWY_RESTRICT table, const float* HWY_RESTRICT 
   const hn::ScalableTag<float> d;
   const std::size_t lanes = hn::Lanes(d);
   std::size_t i = 0;
-  // four sums at a time, so that one multiply-add need not wait for the last
+  // eight sums at a time, then four, so that one multiply-add need not wait for the last
+  for (; i + 8 * lanes <= stride; i += 8 * lanes) {
+    auto a = hn::Zero(d), b = a, c = a, e = a, f = a, g = a, h = a, k = a;
+    for (std::size_t n = 0; n < nodes; ++n) {
+      const auto w = hn::Set(d, weight[n]);
+      const float* from = table + n * stride + i;
+      a = hn::MulAdd(w, hn::LoadU(d, from), a);
+      b = hn::MulAdd(w, hn::LoadU(d, from + lanes), b);
+      c = hn::MulAdd(w, hn::LoadU(d, from + 2 * lanes), c);
+      e = hn::MulAdd(w, hn::LoadU(d, from + 3 * lanes), e);
+      f = hn::MulAdd(w, hn::LoadU(d, from + 4 * lanes), f);
+      g = hn::MulAdd(w, hn::LoadU(d, from + 5 * lanes), g);
+      h = hn::MulAdd(w, hn::LoadU(d, from + 6 * lanes), h);
+      k = hn::MulAdd(w, hn::LoadU(d, from + 7 * lanes), k);
+    }
+    hn::StoreU(a, d, out + i);
+    hn::StoreU(b, d, out + i + lanes);
+    hn::StoreU(c, d, out + i + 2 * lanes);
+    hn::StoreU(e, d, out + i + 3 * lanes);
+    hn::StoreU(f, d, out + i + 4 * lanes);
+    hn::StoreU(g, d, out + i + 5 * lanes);
+    hn::StoreU(h, d, out + i + 6 * lanes);
+    hn::StoreU(k, d, out + i + 7 * lanes);
+  }
   for (; i + 4 * lanes <= stride; i += 4 * lanes) {
     auto a = hn::Zero(d), b = a, c = a, e = a;
     for (std::size_t n = 0; n < nodes; ++n) {

@@ -94,7 +94,7 @@ class SiteLanes {
       const Lanes width = l == 0 ? scale / gamma : l == 1 ? scale * gamma : thirdWidth;
       const bool exact = shared.lobe == LobeMapping::ExactMoments;
       lobe_[l] = !exact                ? lobeMomentsPaper(site, slopeX, slopeY, width, shared.normalRows)
-                 : variant.stretched   ? lobeMoments<kShapedLobe>(site, frame, width, &shared.normalRows)
+                 : variant.stretched   ? lobeMoments<kShapedLobe>(site, frame, width)
                  : variant.skewedLight ? lobeMoments<kSkewedLight>(site, frame, width)
                                        : lobeMoments(site, frame, width);
       lit_[l] = exact ? litFraction(lobe_[l], footX, footY, shared.halfExtent[0], shared.halfExtent[1]).value

@@ -76,7 +76,7 @@ SiteLobe siteLobe(const ScreenFrame& frame, const SiteGeometry& site, const Svbr
                                   : static_cast<double>(parameters.sigma) * site.lobe.thirdRatio;
     const double weight = l < 2 ? 0.5 * (1 - thirdShare) : thirdShare;
     const auto m = !exact   ? lobeMomentsPaper(lobeSite(site), slopeX, slopeY, width, rows)
-                   : shaped ? lobeMoments<kShapedLobe>(lobeSite(site), normal, width, &rows)
+                   : shaped ? lobeMoments<kShapedLobe>(lobeSite(site), normal, width)
                             : lobeMoments(lobeSite(site), normal, width);
     auto& g = lobe.gaussian[static_cast<std::size_t>(l)];
     g = {static_cast<float>(weight * m.mass),

@@ -13,7 +13,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 void SquaredGaps(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, std::size_t count,
                  float* HWY_RESTRICT out) {
   const hn::ScalableTag<float> d;
-  const std::size_t lanes = hn::Lanes(d);
+  constexpr std::size_t lanes = hn::MaxLanes(hn::ScalableTag<float>());
   // Three vectors hold every channel in the same lanes again.
   auto x = hn::Zero(d), y = x, z = x;
   std::size_t i = 0;
@@ -25,14 +25,15 @@ void SquaredGaps(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, std::
     y = hn::MulAdd(gapY, gapY, y);
     z = hn::MulAdd(gapZ, gapZ, z);
   }
-  HWY_ALIGN float sums[3 * HWY_MAX_BYTES / sizeof(float)];
+  HWY_ALIGN float sums[3 * lanes];
   hn::Store(x, d, sums);
   hn::Store(y, d, sums + lanes);
   hn::Store(z, d, sums + 2 * lanes);
-  float total[3] = {0, 0, 0};
-  for (std::size_t k = 0; k < 3 * lanes; ++k) total[k % 3] += sums[k];
-  for (; i < count; ++i) total[i % 3] += (a[i] - b[i]) * (a[i] - b[i]);
-  for (int c = 0; c < 3; ++c) out[c] = total[c];
+  // halves of whole channels' triples, as long as there are two
+  for (std::size_t half = 3 * lanes / 2; half >= 3; half /= 2)
+    for (std::size_t k = 0; k < half; ++k) sums[k] += sums[k + half];
+  for (; i < count; ++i) sums[i % 3] += (a[i] - b[i]) * (a[i] - b[i]);
+  for (std::size_t c = 0; c < 3; ++c) out[c] = sums[c];
 }
 
 void AddScaled(float weight, const float* HWY_RESTRICT from, std::size_t count, float* HWY_RESTRICT to) {

@@ -25,6 +25,7 @@ using Mask = hn::Mask<Tag>;
 #include "engine/fourier/lanes.inc"
 #include "engine/fourier/lobe_kernel.inc"
 #include "engine/fourier/site_batch.inc"
+#include "engine/fourier/site_system.inc"
 #include "engine/fourier/site_uncertainty.inc"
 
 /// (H + lambda diag H) step = -g, by LDL^T on four unknowns.

@@ -1,8 +1,10 @@
 #include "engine/fourier/tile.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "engine/fourier/pooling.h"
 
@@ -22,19 +24,39 @@ struct Pool {
   }
 };
 
+constexpr double kNegligible = 0.02;  // weight of a neighbour
+
 /// Squared distance of two sites' measurements in units of the difference's variance, and how many were
 /// compared.
 struct Distance {
   double q = 0, count = 0;
 };
 
+/// The squared distance beyond which a neighbour of so many measurements has no weight.
+double mostAlike(double count) {
+  return count + std::sqrt(2 * count) + kParameters * (1 / kNegligible - 1) / 2;
+}
+
+/// Incomplete beyond `mostAlike`.
 Distance distanceBetween(const FourierMeasurements& m, const SiteBlock& block, std::size_t s, std::size_t n) {
   const std::size_t stride = static_cast<std::size_t>(m.frequencyCount()) * 6;
   const float *z = block.z(s), *zn = block.z(n);
-  float sums[3];
-  squaredGaps(z, zn, stride, sums);
   Distance distance{0, 3.0 * (2 * m.frequencyCount() + 1)};
-  double channel[3] = {sums[0], sums[1], sums[2]};
+  const auto here = m.droppedRows(s), there = m.droppedRows(n);
+  double perVariance[3];
+  for (int c = 0; c < 3; ++c) perVariance[c] = 1 / (m.variance(s, c) + m.variance(n, c));
+  float sums[3];
+  // Most neighbours on a glossy sheet are told apart by a part of the measurements.
+  const std::size_t some = here.empty() && there.empty() ? stride / 4 / 48 * 48 : 0;
+  double channel[3] = {0, 0, 0};
+  if (some > 0) {
+    squaredGaps(z, zn, some, sums);
+    for (int c = 0; c < 3; ++c) distance.q += perVariance[c] * (channel[c] = sums[c]);
+    if (distance.q > mostAlike(distance.count)) return distance;
+    distance.q = 0;
+  }
+  squaredGaps(z + some, zn + some, stride - some, sums);
+  for (int c = 0; c < 3; ++c) channel[c] += sums[c];
   const auto drop = [&](std::span<const std::uint16_t> rows, std::span<const std::uint16_t> already) {
     for (const auto row : rows) {
       if (std::find(already.begin(), already.end(), row) != already.end()) continue;
@@ -46,12 +68,10 @@ Distance distanceBetween(const FourierMeasurements& m, const SiteBlock& block, s
       distance.count -= 3;
     }
   };
-  const auto here = m.droppedRows(s), there = m.droppedRows(n);
   if (!here.empty() || !there.empty()) drop(here, {}), drop(there, here);
   for (int c = 0; c < 3; ++c) {
     const double dc = m.dc[s * 3 + static_cast<std::size_t>(c)] - m.dc[n * 3 + static_cast<std::size_t>(c)];
-    distance.q += channel[c] / (m.variance(s, c) + m.variance(n, c)) +
-                  dc * dc / (m.dcVariance(s, c) + m.dcVariance(n, c));
+    distance.q += channel[c] * perVariance[c] + dc * dc / (m.dcVariance(s, c) + m.dcVariance(n, c));
   }
   return distance;
 }
@@ -75,7 +95,6 @@ Pool poolOf(const FourierMeasurements& m, const SiteBlock& block, std::size_t s)
       const Distance distance = distanceBetween(m, block, s, n);
       const double excess = std::max(0.0, distance.q - distance.count - std::sqrt(2 * distance.count));
       const double weight = 1 / (1 + 2 * excess / kParameters);
-      constexpr double kNegligible = 0.02;
       if (weight >= kNegligible) pool.add(n, weight);
     }
   }
@@ -117,11 +136,12 @@ void mendRows(const FourierMeasurements& m, const SiteBlock& block, const Pool& 
 
 }  // namespace
 
-SiteData Tile::describe(const FourierFitState& state, std::size_t site, const Eigen::Vector2d& point,
-                        double varianceShare, const float* z, const float* dc, float* diffuse) const {
+SiteData Tile::describe(const FourierFitState& state, const DiffuseTransform& transform, std::size_t site,
+                        const Eigen::Vector2d& point, double varianceShare, const float* z, const float* dc,
+                        float* diffuse) const {
   SiteData out;
   out.geometry = state.geometry(site, point);
-  state.diffuse->at(point, diffuse);
+  transform.at(point, diffuse);
   out.diffuse = diffuse;
   out.z = z;
   out.dc = dc;
@@ -138,12 +158,28 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
   const FourierMeasurements& m = state.measurements;
   const auto frequencies = static_cast<std::size_t>(m.frequencyCount());
   const std::size_t stride = (frequencies + 1) * 6, zStride = frequencies * 6;
-  diffuse_.resize(sites.size() * stride);
-  ownDiffuse_.resize(poolNeighbours ? sites.size() * stride : 0);
-  z_.assign(poolNeighbours ? sites.size() * zStride : 0, 0.0f);
-  ownZ_.resize(sites.size() * zStride);
+  const auto room = [&](bool needed, std::size_t floats) {
+    return std::make_unique_for_overwrite<float[]>(needed ? sites.size() * floats : 0);
+  };
+  diffuse_ = room(true, stride);
+  ownDiffuse_ = room(poolNeighbours, stride);
+  z_ = room(poolNeighbours, zStride);
+  // Measurements in memory stay where they are; those of a scratch file are gone with the next block.
+  const bool inPlace = m.store.inMemory();
+  ownZ_ = room(!inPlace, zStride);
+  data.reserve(sites.size());
+  own.reserve(sites.size());
   dc_.assign(sites.size() * 3, 0.0f);
   pooledDropped_.resize(sites.size());
+  // Sites that lie together need only a part of the sheet, pooled with their neighbours or not.
+  Eigen::AlignedBox2d box;
+  for (const auto s : sites) box.extend(m.sites.pointMm[s].cast<double>());
+  const Eigen::Vector2d margin = Eigen::Vector2d::Constant(2 * m.sites.finestPitchMm);
+  const Eigen::Vector2d low = box.min() - margin, high = box.max() + margin;
+  std::optional<DiffuseTransform> part;
+  if (state.diffuse->partPays(low, high, (poolNeighbours ? 2 : 1) * sites.size()))
+    part = state.diffuse->part(low, high);
+  const DiffuseTransform& transform = part ? *part : *state.diffuse;
   // One block holds the sites that follow, as far as they lie close together, and their neighbours.
   constexpr std::size_t kFarApart = 4096;
   SiteBlock block;
@@ -156,12 +192,13 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
         last = std::max<std::size_t>(last, sites[k]);
       block = m.store.block(sitesAround(m.sites, {s, last + 1 - s}), MeasurementStore::kZ);
     }
-    float* ownZ = ownZ_.data() + i * zStride;
-    std::copy_n(block.z(s), zStride, ownZ);
+    const float* ownZ = block.z(s);
+    if (!inPlace) ownZ = std::copy_n(ownZ, zStride, ownZ_.get() + i * zStride) - zStride;
     const Eigen::Vector2d here = m.sites.pointMm[s].cast<double>();
     const Pool pool = poolNeighbours ? poolOf(m, block, s) : Pool{{s}, {1.0}, 1};
     if (pool.count == 1) {
-      data.push_back(describe(state, s, here, 1, ownZ, m.dc.data() + s * 3, diffuse_.data() + i * stride));
+      data.push_back(
+          describe(state, transform, s, here, 1, ownZ, m.dc.data() + s * 3, diffuse_.get() + i * stride));
       data.back().dropped = m.droppedRows(s);
       own.push_back(data.back());
       continue;
@@ -172,7 +209,8 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
       total += w, square += w * w;
     }
     Eigen::Vector2d point = Eigen::Vector2d::Zero();
-    float* z = z_.data() + i * zStride;
+    float* z = z_.get() + i * zStride;
+    std::fill_n(z, zStride, 0.0f);
     float* dc = dc_.data() + i * 3;
     bool spoilt = false;
     for (int k = 0; k < pool.count; ++k) {
@@ -183,13 +221,15 @@ Tile::Tile(const FourierFitState& state, std::span<const std::uint32_t> sites, b
       for (std::size_t c = 0; c < 3; ++c) dc[c] += static_cast<float>(w) * m.dc[n * 3 + c];
       spoilt |= !m.droppedRows(n).empty();
     }
-    data.push_back(describe(state, s, point, square / (total * total), z, dc, diffuse_.data() + i * stride));
+    data.push_back(
+        describe(state, transform, s, point, square / (total * total), z, dc, diffuse_.get() + i * stride));
     if (spoilt) {
       mendRows(m, block, pool, z);
       pooledDropped_[i] = missingRows(m, pool);
       data.back().dropped = pooledDropped_[i];
     }
-    own.push_back(describe(state, s, here, 1, ownZ, m.dc.data() + s * 3, ownDiffuse_.data() + i * stride));
+    own.push_back(
+        describe(state, transform, s, here, 1, ownZ, m.dc.data() + s * 3, ownDiffuse_.get() + i * stride));
     own.back().dropped = m.droppedRows(s);
   }
 }

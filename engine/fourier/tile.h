@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -28,10 +29,13 @@ class Tile {
 
  private:
   /// A site's input, its arrays at the given places.
-  SiteData describe(const FourierFitState& state, std::size_t site, const Eigen::Vector2d& point,
-                    double varianceShare, const float* z, const float* dc, float* diffuse) const;
+  SiteData describe(const FourierFitState& state, const DiffuseTransform& transform, std::size_t site,
+                    const Eigen::Vector2d& point, double varianceShare, const float* z, const float* dc,
+                    float* diffuse) const;
 
-  std::vector<float> diffuse_, ownDiffuse_, z_, ownZ_, dc_;
+  // Filled where they are used; zeroing megabytes beforehand would take as long as some of the steps.
+  std::unique_ptr<float[]> diffuse_, ownDiffuse_, z_, ownZ_;
+  std::vector<float> dc_;
   std::vector<std::vector<std::uint16_t>> pooledDropped_;
 };
 

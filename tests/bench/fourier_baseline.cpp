@@ -313,4 +313,31 @@ double baselineCost(const SolverSetup& setup, const SiteData& site, const SiteSo
   return cost;
 }
 
+void baselineColumns(const SolverSetup& setup, const SiteData& site, const LobeParameters& at, double* out) {
+  SiteData plain = site;
+  for (int c = 0; c < 3; ++c) plain.weight[c] = plain.dcWeight[c] = 1;
+  const ceres::AutoDiffCostFunction<SiteResiduals, ceres::DYNAMIC, 10> function(
+      new SiteResiduals{setup, plain}, SiteResiduals{setup, plain}.count());
+  const std::size_t rows = 2 * setup.frequency.size() + 1;
+  std::vector<double> values(static_cast<std::size_t>(function.num_residuals())),
+      jacobian(values.size() * 10);
+  // Unit albedos of one part at a time; the first channel's rows.
+  for (const bool specular : {false, true}) {
+    double x[10] = {at.logSigma, at.logKurtosis, at.slopeX, at.slopeY};
+    for (int c = 0; c < 3; ++c) x[4 + c] = specular ? 0 : 1, x[7 + c] = specular ? 1 : 0;
+    const double* parameters = x;
+    double* derivatives = jacobian.data();
+    function.Evaluate(&parameters, values.data(), &derivatives);
+    for (std::size_t row = 0; row < rows; ++row) {
+      const double* from = jacobian.data() + row * 3 * 10;
+      double* to = out + row * kModelColumns;
+      to[specular ? 1 : 0] = from[specular ? 7 : 4];
+      if (specular)
+        std::copy_n(from, 4, to + 4);
+      else
+        std::copy_n(from + 2, 2, to + 2);
+    }
+  }
+}
+
 }  // namespace patina::bench

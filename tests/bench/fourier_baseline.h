@@ -25,4 +25,8 @@ BaselineSolution solveWithCeres(const SolverSetup& setup, const SiteData& site, 
 /// same model.
 double baselineCost(const SolverSetup& setup, const SiteData& site, const SiteSolution& solution);
 
+/// As `modelColumns` of one site, in double precision with automatic derivatives: of the quadrature as it is,
+/// where the solver integrates the derivatives with the same nodes.
+void baselineColumns(const SolverSetup& setup, const SiteData& site, const LobeParameters& at, double* out);
+
 }  // namespace patina::bench

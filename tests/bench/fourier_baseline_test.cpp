@@ -1,6 +1,7 @@
 #include "tests/bench/fourier_baseline.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <cmath>
 #include <random>
@@ -94,6 +95,38 @@ TEST(FourierBaseline, FindsTheSameOptimum) {
     EXPECT_NEAR(theirs.lobe.logSigma, ours.lobe.logSigma, kLogSigma);
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(theirs.specular[c], ours.specular[c], 0.002);
   }
+}
+
+TEST(FourierBaseline, AutomaticDerivativesAreTheSolversOnEveryInstructionSet) {
+  // The solver integrates the derivative of the integrand, Ceres differentiates the quadrature: they agree as
+  // far as the rule is exact.
+  constexpr double kValues = 5e-6, kBySlopes = 1e-3, kByWidths = 1.2e-2;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    for (const float sigma : {0.03f, 0.1f, 0.25f}) {
+      const Site site(20, -25, sigma, 3);
+      const LobeParameters at{std::log(1.3f * sigma), std::log(0.3f), 0.02f, -0.01f};
+      const std::size_t rows = 2 * site.setup.frequency.size() + 1;
+      std::vector<float> ours(rows * kModelColumns);
+      std::vector<double> theirs(ours.size());
+      modelColumns(site.setup, {&site.data, 1}, {&at, 1}, ours.data());
+      baselineColumns(site.setup, site.data, at, theirs.data());
+      for (std::size_t column = 0; column < kModelColumns; ++column) {
+        double gap = 0, size = 0;
+        for (std::size_t row = 0; row < rows; ++row) {
+          gap += std::pow(ours[row * kModelColumns + column] - theirs[row * kModelColumns + column], 2);
+          size += std::pow(theirs[row * kModelColumns + column], 2);
+        }
+        EXPECT_LT(std::sqrt(gap / size), column < 2                   ? kValues
+                                         : column == 4 || column == 5 ? kByWidths
+                                                                      : kBySlopes)
+            << solverTarget() << " sigma " << sigma << " column " << column;
+      }
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
 }  // namespace

@@ -3,17 +3,21 @@
 #include <benchmark/benchmark.h>
 #include <time.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "engine/fourier/fit_state.h"
 #include "engine/fourier/measurements.h"
+#include "engine/fourier/operation_count.h"
 #include "engine/fourier/solve_sheet.h"
 #include "engine/fourier/solver.h"
 #include "engine/fourier/tile.h"
 #include "tests/bench/bench_capture.h"
 #include "tests/bench/fourier_baseline.h"
+#include "tests/results/machine_rate.h"
 
 namespace patina::bench {
 namespace {
@@ -58,8 +62,32 @@ double secondsOf(const auto& work) {
   return now() - start;
 }
 
+double median(std::vector<double> values) {
+  std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2));
+  return values[values.size() / 2];
+}
+
+/// The share of frequencies at which a texel's lobe hasn't decayed: the others are left out of its step.
+double litShare(const SolverSetup& setup, std::span<const SiteData> data,
+                std::span<const SiteSolution> found) {
+  std::vector<LobeParameters> lobes;
+  for (const SiteSolution& solution : found) lobes.push_back(solution.lobe);
+  const std::size_t rows = 2 * setup.frequency.size() + 1;
+  std::vector<float> columns(data.size() * rows * kModelColumns);
+  modelColumns(setup, data, lobes, columns.data());
+  double lit = 0;
+  for (std::size_t i = 0; i < data.size(); ++i)
+    for (std::size_t row = 0; row + 1 < rows; row += 2) {
+      const float* at = columns.data() + (i * rows + row) * kModelColumns;
+      lit += at[1] != 0 || at[kModelColumns + 1] != 0;
+    }
+  return lit / static_cast<double>(data.size() * setup.frequency.size());
+}
+
 // Counters: microseconds a texel of each (all three starts), their ratio, the share of texels whose cost is
-// no higher than the baseline's, and the baseline's and our mean cost; microseconds a step of ours.
+// no higher than the baseline's, and the baseline's and our mean cost; microseconds a step of ours, at how
+// many of the frequencies the lobe is there at the end, and a step's operations then; microseconds a texel to
+// gather what the solver needs of neighbouring texels, and to find the albedos from its own measurements.
 void BM_TexelAgainstCeres(benchmark::State& state) {
   const Result<FourierCapture>& capture = benchCapture();
   if (!capture) return state.SkipWithError(capture.error().sentence().c_str());
@@ -114,10 +142,36 @@ void BM_TexelAgainstCeres(benchmark::State& state) {
   const std::vector<LobeParameters> manyStarts(many.size(),
                                                {std::log(kStartSigma[0]), std::log(0.03f), 0, 0});
   std::vector<SiteSolution> manyFound(many.size());
-  const double manySeconds = secondsOf([&] { solveSites(setup, manyTile.data, manyStarts, manyFound); });
+  solveSites(setup, manyTile.data, manyStarts, manyFound);
   double manySteps = 0;
   for (const SiteSolution& found : manyFound) manySteps += found.iterations;
-  state.counters["us_step"] = 1e6 * manySeconds / manySteps;
+  const double lit = litShare(setup, manyTile.data, manyFound);
+  state.counters["lit"] = lit;
+  const double operations = solverOperations(setup, lit);
+  // In turn with the machine's rate, and the median of many turns: what else runs here disturbs both.
+  constexpr int kTurns = 21;
+  std::vector<double> step, rate, times;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    rate.push_back(test::multiplyAddRate());
+    step.push_back(secondsOf([&] { solveSites(setup, manyTile.data, manyStarts, manyFound); }) / manySteps);
+    times.push_back(step.back() * rate.back() * 2 / operations);
+  }
+  state.counters["operations"] = operations;
+  state.counters["us_step"] = 1e6 * median(step);
+  state.counters["multiply_adds"] = median(rate);
+  state.counters["floor_times"] = median(times);
+  // What a stage does besides: runs of texels as `solveSheet` takes them.
+  const std::size_t run = std::min<std::size_t>(256, count / 2);
+  std::vector<double> gather, albedos;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    std::vector<std::uint32_t> together(run);
+    std::iota(together.begin(), together.end(), static_cast<std::uint32_t>(random() % (count - run)));
+    gather.push_back(secondsOf([&] { benchmark::DoNotOptimize(Tile(**sheet, together, true)); }));
+    albedos.push_back(secondsOf(
+        [&] { refitAlbedos(setup, std::span(manyTile.own).first(run), std::span(manyFound).first(run)); }));
+  }
+  state.counters["us_gather"] = 1e6 * median(gather) / static_cast<double>(run);
+  state.counters["us_albedos"] = 1e6 * median(albedos) / static_cast<double>(run);
 
   const auto n = static_cast<double>(sites.size());
   state.counters["us_texel"] = 1e6 * ourSeconds / runs;

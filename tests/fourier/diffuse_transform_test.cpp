@@ -86,5 +86,30 @@ TEST(DiffuseTransform, PointAndTableAgree) {
     EXPECT_NEAR(interpolated[i], exact[i], 2e-6 * std::abs(exact[4])) << i;
 }
 
+TEST(DiffuseTransform, APartAgreesWithTheWhole) {
+  const Rig rig;
+  std::vector<Eigen::Vector2d> frequencies = {{0, 0}};
+  for (const int w : {1, 2, 3, 4, 6, 10, 20})
+    for (const auto& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1), Eigen::Vector2d(1, -1)})
+      frequencies.push_back(w * direction);
+  const Eigen::Vector2d size(120, 80);
+  const DiffuseTransform whole(rig.frame, size, frequencies, DiffuseMethod::Quadrature);
+  std::vector<float> a(frequencies.size() * 6), b(a.size());
+  // From a sheet's whole row to a few pixels of it, in its middle and at its corner.
+  for (const double share : {1.0, 0.3, 0.1, 0.05, 0.02, 0.004, 0.002, 0.0}) {
+    for (const Eigen::Vector2d& corner : {Eigen::Vector2d(-60, -40), Eigen::Vector2d(5, 20)}) {
+      const Eigen::Vector2d high = (corner + share * size).cwiseMin(size / 2), extent = high - corner;
+      const DiffuseTransform part = whole.part(corner, high);
+      for (const double u : {0.0, 0.13, 0.5, 0.77, 1.0}) {
+        const Eigen::Vector2d at = corner + Eigen::Vector2d(u, 1 - u * u).cwiseProduct(extent);
+        whole.at(at, a.data());
+        part.at(at, b.data());
+        for (std::size_t i = 0; i < a.size(); ++i)
+          ASSERT_NEAR(b[i], a[i], 1e-6 * std::abs(a[4])) << share << " " << u << " " << i;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace patina::test

@@ -177,6 +177,30 @@ TEST_F(FitJob, WritesWhatTheContractSaysAndReadsItBack) {
   EXPECT_EQ((*loaded)->spectrumAt(x, y).size(), (*fit)->spectrumAt(x, y).size());
 }
 
+TEST_F(FitJob, EveryParameterHasAStandardDeviationAsAMap) {
+  const auto fit = fitFourier(capture(), {}, {});
+  ASSERT_TRUE(fit.ok());
+  const fs::path out = folder_->path() / "deviations";
+  ASSERT_TRUE(writeFourierFit(out, **fit).ok());
+  for (const char* map : {"diffuse_sd", "specular_sd", "normal_sd", "sigma_sd", "kurtosis_sd"})
+    EXPECT_TRUE(fs::exists(out / "maps" / (std::string(map) + ".exr"))) << map;
+  const SvbrdfMaps& maps = (*fit)->maps();
+  int converged = 0;
+  for (int y = 0; y < maps.height; ++y) {
+    for (int x = 0; x < maps.width; ++x) {
+      if (maps.status.at(x, y) != static_cast<float>(TexelStatus::Converged)) continue;
+      ++converged;
+      for (const float sd : {maps.sigmaSd.at(x, y), maps.kurtosisSd.at(x, y), maps.normalSd.at(x, y)})
+        ASSERT_TRUE(sd > 0 && std::isfinite(sd)) << x << " " << y;
+      for (int c = 0; c < 3; ++c) {  // an albedo that is held at zero has none
+        ASSERT_TRUE(maps.diffuse.pixel(x, y)[c] == 0 || maps.diffuseSd.pixel(x, y)[c] > 0) << x << " " << y;
+        ASSERT_TRUE(maps.specular.pixel(x, y)[c] == 0 || maps.specularSd.pixel(x, y)[c] > 0) << x << " " << y;
+      }
+    }
+  }
+  EXPECT_GT(converged, 100);
+}
+
 TEST_F(FitJob, MapsOfAnySizeCoverTheSheet) {
   for (const int size : {8, 17, 200}) {
     FourierFitOptions options;

@@ -375,5 +375,16 @@ TEST(Levels, StopSoonAndKeepTheFinishedLevel) {
   EXPECT_EQ(nothing.error().code, ErrorCode::Cancelled);
 }
 
+TEST(Levels, BytesAreWhatTheArraysTake) {
+  const MadeUpSheet sheet(12, kSizeMm, kNoise, twoMaterials);
+  const auto bytes = [](const auto&... arrays) { return (... + (arrays.size() * sizeof(*arrays.data()))); };
+  for (const bool withScatter : {false, true}) {
+    const LevelData l = measureLevel(*sheet.state, 6, 5, withScatter, {});
+    EXPECT_EQ(bytes(l.siteCount, l.pointMm, l.z, l.rowCount, l.dc, l.siteVariance, l.siteDcVariance,
+                    l.scatter, l.dcScatter),
+              levelBytes(l.size(), l.frequencyCount, withScatter));
+  }
+}
+
 }  // namespace
 }  // namespace patina::test

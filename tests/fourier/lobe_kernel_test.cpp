@@ -117,7 +117,7 @@ void expectDerivativesOfDifferences() {
                               shape.along,  shape.mixed,       shape.across};
   for (const double sigma : {0.03, 0.1, 0.25}) {
     auto momentsAt = [&](double logSigma, double sx, double sy) {
-      return lobeMoments<kTerms>(site, normalFromSlopes(sx, sy, rows), std::exp(logSigma), &rows);
+      return lobeMoments<kTerms>(site, normalFromSlopes(sx, sy, rows), std::exp(logSigma));
     };
     const double at[3] = {std::log(sigma), 0.04, -0.06};
     const auto here = momentsAt(at[0], at[1], at[2]);
@@ -179,8 +179,7 @@ TEST(LobeKernel, TermsThatAreNoneChangeNothing) {
                               0,
                               1};
   const auto frame = normalFromSlopes(0.04, -0.06, rows);
-  const auto plain = lobeMoments(site, frame, 0.1),
-             shaped = lobeMoments<kShapedLobe>(site, frame, 0.1, &rows);
+  const auto plain = lobeMoments(site, frame, 0.1), shaped = lobeMoments<kShapedLobe>(site, frame, 0.1);
   const auto a = numbersOf(plain), b = numbersOf(shaped);
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(b[i], a[i], 1e-6 * std::abs(a[i])) << i;
   for (int p = 0; p < 3; ++p) {

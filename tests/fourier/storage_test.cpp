@@ -10,6 +10,7 @@
 
 #include "devices/simulated/simulated_rig.h"
 #include "engine/fourier/fit.h"
+#include "engine/fourier/levels.h"
 #include "engine/fourier/measurements.h"
 #include "engine/image/exr.h"
 #include "tests/base/temp_folder.h"
@@ -261,6 +262,37 @@ TEST_F(Storage, TooLittleMemoryGivesCoarserMapsAndSaysSo) {
   ASSERT_TRUE(loaded.ok()) << loaded.error().sentence();
   EXPECT_EQ((*loaded)->options(), tiny);
   EXPECT_EQ((*loaded)->spectrumAt(4, 4)[3].measured, (*fit)->spectrumAt(4, 4)[3].measured);
+}
+
+TEST_F(Storage, HalfTheResolutionCountsAgainstTheMemoryLimit) {
+  const auto cap = capture();
+  const auto plan = planMeasurements(cap, {});
+  const auto sites = makeSites(cap, 0);
+  ASSERT_TRUE(plan.ok() && sites.ok());
+  const double aspect =
+      std::min(cap.sampleWidthMm, cap.sampleHeightMm) / std::max(cap.sampleWidthMm, cap.sampleHeightMm);
+  const auto grid =
+      paperScheduleBytes(resolvedSize(cap, *sites), aspect, static_cast<int>(plan->fitted.size()));
+  // A limit that every point just fits into, found from below in steps of a fiftieth of the grid.
+  FourierFitOptions all, paper;
+  paper.schedule = FitSchedule::Paper;
+  const auto coarser = [&](FourierFitOptions options, std::uint64_t limit) {
+    options.memoryLimitBytes = limit;
+    const auto fit = fitFourier(cap, options, {});
+    EXPECT_TRUE(fit.ok()) << fit.error().sentence();
+    return fit.ok() && (*fit)->stats().coarserSites;
+  };
+  std::uint64_t low = std::uint64_t{1} << 20, high = std::uint64_t{4} << 20;
+  ASSERT_TRUE(coarser(all, low));
+  ASSERT_FALSE(coarser(all, high));
+  while (high - low > grid / 50) {
+    const auto middle = (low + high) / 2;
+    (coarser(all, middle) ? low : high) = middle;
+  }
+  EXPECT_TRUE(coarser(paper, high));
+  // An eighth of the limit is for strips of photographs: the grid's own bytes and a seventh more.
+  EXPECT_TRUE(coarser(paper, high + grid));
+  EXPECT_FALSE(coarser(paper, high + grid * 8 / 7 + grid / 20));
 }
 
 TEST_F(Storage, FitsOfEarlierVersionsStillLoad) {

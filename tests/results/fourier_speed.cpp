@@ -387,31 +387,29 @@ void writeMachine(std::ostream& out, const MachineRate& rate, const std::vector<
     if (run.threads != threads || (run.pixels != kTypical && &run != &runs.back())) continue;
     const Measured& m = run.measured;
     if (!(m.operations > 0)) break;
+    const bool measured = kernel.contains("floor_times");
+    const double operations = measured ? kernel.at("operations") : m.operations;
     out << "\nA step of a texel takes " << number(m.operations, 0)
-        << " additions and multiplications with this capture's frequencies (`solverOperations`, no lobe "
-           "decayed). "
-           "The floor is that count at two operations a multiply-add.\n\n"
+        << " additions and multiplications with this capture's frequencies (`solverOperations`) as long as "
+           "no "
+           "lobe has decayed anywhere";
+    if (measured)
+      out << ", " << number(operations, 0) << " at the " << number(100 * kernel.at("lit"), 0)
+          << " % of frequencies where the texels' lobes are still there";
+    out << ". The floor is that count at two operations a multiply-add.\n\n"
            "| | us of one core a step | of the floor, times |\n| --- | ---: | ---: |\n| the floor | "
-        << number(1e6 * m.operations / 2 / perCore, 3) << " | 1 |\n";
-    if (kernel.contains("us_step")) {
-      // Alone on a core, whose rate is then that of one.
-      const double step = 1e-6 * kernel.at("us_step");
-      out << "| the solver alone, one core, 2,048 texels from one start | " << number(1e6 * step, 3) << " | "
-          << bounded(step * rate.multiplyAddsPerSecond * 2 / m.operations, 1, kFloorBound, true, within)
-          << " |\n";
-    }
+        << number(1e6 * operations / 2 / perCore, 3) << " | 1 |\n";
+    if (measured)  // its own core's rate, taken in turn with it
+      out << "| the solver alone, one core, 2,048 texels from one start | " << number(kernel.at("us_step"), 3)
+          << " | " << bounded(kernel.at("floor_times"), 1, kFloorBound, true, within) << " |\n";
     const double step = m.stage("solve") * threads / (m.texels * m.steps);
     out << "| everything in the stage `solve` at " << run.pixels << " x " << run.pixels << " | "
-        << number(1e6 * step, 3) << " | " << number(step * perCore * 2 / m.operations, 1) << " |\n\n"
-        << "What holds it back: the kernel isn't made of multiply-adds alone (exponentials, sines, estimates "
-           "and their "
-           "Newton steps depend on each other), its sums need more\n"
-           "registers than there are, and its columns, some 40 kB a batch, come from the second-level cache. "
-           "In the "
-           "stage, a texel starts so near its end that gathering its\n"
-           "measurements, its neighbours' and its geometry, and putting them into lanes, takes more time "
-           "than its "
-           "three steps.\n";
+        << number(1e6 * step, 3) << " | " << number(step * perCore * 2 / operations, 1) << " |\n";
+    if (measured)
+      out << "\nBesides its steps, each texel of the stage is gathered with its neighbours ("
+          << number(kernel.at("us_gather"), 2) << " us) and gets albedos from its own measurements ("
+          << number(kernel.at("us_albedos"), 2) << " us).\n";
+    out << "\nWhere the rest goes: [fourier_speed.md](fourier_speed.md).\n";
     break;
   }
 }

@@ -13,6 +13,10 @@ struct MachineRate {
   std::string instructions;  ///< "AVX3", "AVX2", ...
 };
 
+/// Multiply-adds a second of the calling thread's processor time, from one run of a few milliseconds: to be
+/// taken in turn with what it is compared with, since a shared machine's clock and its bookkeeping drift.
+double multiplyAddRate();
+
 /// Multiply-adds over registers in the widest vectors that the solver may use, then a sweep over memory.
 /// Takes about a second. `threads` > 0.
 MachineRate measureMachine(int threads);
