@@ -25,6 +25,8 @@ constexpr double kFarGrain = 0.3, kFarFine = 0.7, kFarBroad = 1.0;
 /// A second effect must make held-out photographs better by this: the first one's leftovers look like
 /// effects.
 constexpr double kFurtherHeld = 0.93;
+/// ln of the odds that held-out photographs must gain, and that surroundings may lose.
+constexpr double kHeldGain = 2, kSpeaksAgainst = 5;
 /// Without a word from the surroundings, an effect of the set-up must take this off the error.
 constexpr double kBetter = 0.95;
 
@@ -92,7 +94,11 @@ void judgeAttempt(const TwoShotCandidate& candidate, const JudgedBy& by, Attempt
   const double needed =
       std::log(static_cast<double>(by.tried) / std::max(by.falseAlarmRate, 1e-6)) + kModelDoubt;
   const bool around = o.lnAround > needed;
-  const bool heldAgree = !held || isOwnShot(candidate.id) || o.lnHeld > -0.05 * std::max(o.lnEvidence, 0.0);
+  // The held-out photographs must gain by themselves, or at least not lose where the surroundings have
+  // spoken; and the surroundings must not speak against it.
+  const bool heldAgree =
+      o.lnAround > -kSpeaksAgainst && (!held || isOwnShot(candidate.id) || o.lnHeld > kHeldGain ||
+                                       (around && o.lnHeld > -0.05 * std::max(o.lnEvidence, 0.0)));
   // Colours that mix in the camera are colours of the material to a fit: only what lies around the sample
   // can tell.
   const bool tellable = around || (candidate.id != "channel-crosstalk" && candidate.id != "camera-response");
