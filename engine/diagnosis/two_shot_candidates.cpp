@@ -88,9 +88,11 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
                         }));
     for (const double perM : {0.3, 0.7, 1.2, 2.0}) list.back().starts.push_back(VectorXd::Constant(1, perM));
   }
-  list.push_back(made("vignetting", "", {{"cornerLoss", "", 0, 0.2, false, ""}},
-                      [](const VectorXd& p, TwoShotDeviation& d) { d.vignetting += p[0]; }));
-  for (const double loss : {0.15, 0.3, 0.5}) list.back().starts.push_back(VectorXd::Constant(1, loss));
+  // How lenses darken differs: the loss in the corner, and how much of it comes late.
+  list.push_back(
+      made("vignetting", "", {{"cornerLoss", "", 0, 0.2, false, ""}, {"late", "", 0, 0.05, false, ""}},
+           [](const VectorXd& p, TwoShotDeviation& d) { d.vignetting += p[0], d.vignettingLate += p[1]; }));
+  for (const double loss : {0.15, 0.3, 0.5}) list.back().starts.push_back(Eigen::Vector2d(loss, 0));
 
   // Stray light: the same everywhere; in proportion to what each photograph holds; each photograph its own.
   Eigen::Array3d mean = Eigen::Array3d::Zero();
@@ -164,6 +166,23 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
     for (std::size_t i = 0; i < used.size(); ++i) d.lnGain[used[i]] += p[i];
   }));
   list.back().starts.push_back(factor);
+  // A held-out photograph's own factor is known from itself alone.
+  std::vector<std::size_t> held;
+  each.clear();
+  for (const std::size_t s : used) {
+    if (!data.shots[s].holdout) continue;
+    held.push_back(s);
+    each.push_back({"lnFactor", "natural log", 0, 0.2, false, capture.shots[s].file});
+  }
+  if (!held.empty()) {
+    list.push_back(made("exposure-mismatch", "of held-out photographs", each,
+                        [shots, held](const VectorXd& p, TwoShotDeviation& d) {
+                          if (d.lnGain.empty()) d.lnGain.assign(shots, 0.0);
+                          for (std::size_t i = 0; i < held.size(); ++i)
+                            d.lnGain[held[i]] += p[static_cast<Eigen::Index>(i)];
+                        }));
+    list.back().heldOnly = true, list.back().linear = false;
+  }
 
   const double top = [&] {
     double largest = 0;
@@ -292,6 +311,10 @@ void surface(const DiagnosisData& data, std::vector<TwoShotCandidate>& list) {
                                   [](const VectorXd& p, TwoShotDeviation& d) { d.fresnel += p[0]; });
   fresnel.surface = true;
   list.push_back(std::move(fresnel));
+  TwoShotCandidate unnamed = made("basis-deviation", "", {{"relativeChange", "", 0, 1, false, ""}},
+                                  [](const VectorXd&, TwoShotDeviation&) {});
+  unnamed.surface = unnamed.free = true, unnamed.linear = false;
+  list.push_back(std::move(unnamed));
 }
 
 }  // namespace
