@@ -191,11 +191,15 @@ class Explainer {
       attempt.errors = with.errors(attempt.deviation);
       job_.progress("refit", ++refined, static_cast<std::int64_t>(order.size()), "effects");
     });
-    const JudgedBy by{candidates_.size(), options_.falseAlarmRate, round};
+    double around = 0;
+    // First each by itself, then beside what the best of those explains of the surroundings.
+    JudgedBy by{candidates_.size(), options_.falseAlarmRate, round, 0};
     for (Attempt& attempt : attempts) {
       attempt.evidence = evidenceOf(candidates_[attempt.candidate], attempt, without, data_.shots);
-      attempt.verdict = judge(attempt.evidence, by);
+      if (judge(attempt.evidence, by).passes) around = std::max(around, attempt.evidence.lnAround);
     }
+    by.around = around;
+    for (Attempt& attempt : attempts) attempt.verdict = judge(attempt.evidence, by);
     if (rounds_) {
       rounds_->emplace_back();
       for (const Attempt& attempt : attempts) rounds_->back().push_back(attempt.evidence);
@@ -270,7 +274,7 @@ class Explainer {
     const SurfaceTrial::Errors without = trial.errors(search_->accepted());
     attempt.errors = trial.errors(attempt.deviation);
     attempt.evidence = evidenceOf(*candidate, attempt, without, data_.shots);
-    attempt.verdict = judge(attempt.evidence, {candidates_.size(), options_.falseAlarmRate, 0});
+    attempt.verdict = judge(attempt.evidence, {candidates_.size(), options_.falseAlarmRate, 0, 0});
     if (rounds_) rounds_->push_back({attempt.evidence});
     if (attempt.verdict.passes && proven(attempt, after)) {
       taken.insert(candidate->id);

@@ -14,6 +14,10 @@ constexpr double kModelDoubt = 8;
 /// A term of the surface must take this off the error of the photographs that were fitted and of those held
 /// out; without any held out, the second bound is for the fitted ones.
 constexpr double kSurfaceFit = 0.45, kSurfaceHeld = 0.9, kSurfaceFitAlone = 0.35;
+/// Of the held-out photographs a term of the surface must make this share better.
+constexpr double kSurfaceShare = 0.6;
+/// Of what the best attempt explains of the surroundings, this share may be missed.
+constexpr double kAroundShare = 0.25;
 /// The reconstruction with an effect of the set-up may predict held-out photographs worse by this and no
 /// more.
 constexpr double kWorseHeld = 1.03;
@@ -112,7 +116,10 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   }
   if (e.lobe) {
     out.passes =
-        e.held ? e.fitRatio <= kSurfaceFit && e.heldRatio <= kSurfaceHeld : e.fitRatio <= kSurfaceFitAlone;
+        e.held ? e.fitRatio <= kSurfaceFit && e.heldRatio <= kSurfaceHeld && e.heldBetter >= kSurfaceShare
+               : e.fitRatio <= kSurfaceFitAlone;
+    // What the surroundings show is the set-up's: that comes first.
+    out.passes &= by.around <= kAroundSpeaks;
     // Errors of some hundred rows that are alike within a few dozen groups.
     constexpr double kWorth = 60;
     out.gain = -kWorth * (std::log(std::max(e.fitRatio, 1e-3)) + std::log(std::max(e.heldRatio, 1e-3)));
@@ -167,13 +174,20 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   const bool further = by.round == 0 || around || e.heldRatio < kFurtherHeld;
   out.passes = out.gain > needed && heldAgree && tellable && notWorse && helps && e.reach > kSmallestReach &&
                e.sensible && !far && further && seen;
-  if (e.surface) out.passes &= e.held && e.heldRatio < 0.9 && e.fitRatio < 0.95;
+  // The surroundings know nothing of the material: what explains the photographs must explain them too.
+  const bool misses = by.around > kAroundSpeaks && e.lnAround < (1 - kAroundShare) * by.around - 10;
+  out.passes &= !misses;
+  if (e.surface)
+    out.passes &= e.held && e.heldRatio < 0.9 && e.fitRatio < 0.95 && e.heldBetter >= kSurfaceShare;
   if (out.passes) {
     std::snprintf(text, sizeof text, "the photographs are e^%.0f times as probable with it", out.gain);
   } else if (out.gain <= needed || !seen) {
     std::snprintf(text, sizeof text,
                   "the evidence for it, e^%.1f, is less than the e^%.1f that chance may give",
                   std::min(out.gain, e.lnEvidence), needed);
+  } else if (misses) {
+    std::snprintf(text, sizeof text,
+                  "it doesn't explain what lies around the sample, which is lit and photographed like it");
   } else if (!heldAgree) {
     std::snprintf(text, sizeof text,
                   "it explains the fitted photographs, but the held-out ones speak against it");

@@ -56,6 +56,7 @@ struct JudgedBy {
   std::size_t tried = 1;
   double falseAlarmRate = 0.01;
   int round = 0;
+  double around = 0;  ///< the most that any of the round's attempts explains of the surroundings, ln odds
 };
 
 /// The numbers of an attempt. `without`: errors of the reconstruction as it stands.

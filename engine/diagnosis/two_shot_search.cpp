@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 constexpr int kSteps = 12, kRounds = 5;
 /// What the surroundings of a photograph count at most, in independent measurements.
-constexpr double kIndependentBlocks = 12;
+constexpr double kIndependentBlocks = 30;
 /// ln odds below which a held-out photograph's own factor is none.
 constexpr double kHeldFactorGain = 4;
 /// Step of the numerical derivatives, in prior standard deviations.

@@ -11,7 +11,7 @@ namespace patina {
 namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
-constexpr JudgedBy kFirst{20, 0.01, 0};
+constexpr JudgedBy kFirst{20, 0.01, 0, 0};
 
 /// Overwhelming evidence for an effect of the set-up.
 TwoShotEvidence plain() {
@@ -49,6 +49,26 @@ TEST(TwoShotJudge, SurroundingsMayRefuse) {
   TwoShotEvidence e = plain();
   e.lnAround = -30;
   EXPECT_FALSE(judge(e, kFirst).passes);
+}
+
+TEST(TwoShotJudge, WhatAnotherExplainsOfTheSurroundingsMustBeExplained) {
+  TwoShotEvidence e = plain();
+  JudgedBy by = kFirst;
+  by.around = 200;
+  EXPECT_FALSE(judge(e, by).passes);
+  e.lnAround = 190;
+  EXPECT_TRUE(judge(e, by).passes);
+}
+
+TEST(TwoShotJudge, TheWholeReconstructionHasTheLastWord) {
+  TwoShotEvidence e = plain();
+  TwoShotVerdict verdict = judge(e, kFirst);
+  e.wholeRatio = 0.8;
+  verifyWhole(e, verdict);
+  EXPECT_TRUE(verdict.passes);
+  e.wholeRatio = 1.05;
+  verifyWhole(e, verdict);
+  EXPECT_FALSE(verdict.passes);
 }
 
 TEST(TwoShotJudge, AStrengthThatMakesNoSenseIsRefused) {
