@@ -21,6 +21,9 @@ constexpr double kAroundShare = 0.25;
 /// The reconstruction with an effect of the set-up may predict held-out photographs worse by this and no
 /// more.
 constexpr double kWorseHeld = 1.03;
+/// A hint, ln odds; what counts as overwhelming, in units of what is needed; the held-out photographs' error
+/// that a mere hint must reach.
+constexpr double kHint = 3, kOverwhelming = 3, kHintedHeld = 0.85;
 /// A change of less than this, natural-log units, is nobody's concern.
 constexpr double kSmallestReach = 0.002;
 /// Where a material is farther from the basis than this even with an effect, natural-log units, the
@@ -147,8 +150,11 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
       std::log(static_cast<double>(by.tried) / std::max(by.falseAlarmRate, 1e-6)) + kModelDoubt;
   const bool around = e.lnAround > needed;
   if (e.heldOnly) {
-    out.gain = e.lnHeld + e.lnAround;
-    out.passes = out.gain > needed && e.lnAround > -kSpeaksAgainst && e.heldRatio < kBetter && e.sensible;
+    // Where nothing lies around to confirm it, it is what is left when nothing else explains the photograph.
+    const bool confirmed = e.lnAround > kAroundSpeaks;
+    out.gain = confirmed ? e.lnHeld + e.lnAround : std::min(e.lnHeld, needed);
+    out.passes = e.lnHeld + e.lnAround > (confirmed ? 1 : kOverwhelming) * needed &&
+                 e.lnAround > -kSpeaksAgainst && e.heldRatio < kBetter && e.sensible;
     std::snprintf(text, sizeof text,
                   out.passes ? "the held-out photographs are e^%.0f times as probable with it"
                              : "the evidence for it in the held-out photographs, e^%.1f, is too little",
@@ -168,8 +174,11 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   const bool tellable = around || (e.id != "channel-crosstalk" && e.id != "camera-response");
   const bool notWorse = e.ownShot || e.heldRatio <= kWorseHeld;
   const bool helps = around || (e.held && !e.ownShot ? e.heldRatio < kBetter : e.fitRatio < kBetter);
-  // The fitted photographs must say so by themselves: an extrapolation that happens to fit is none.
-  const bool seen = e.lnEvidence > needed - kModelDoubt / 2;
+  // The fitted photographs must say so by themselves: an extrapolation that happens to fit is none. Where
+  // they hint at it only, what they hint at must make the held-out ones overwhelmingly more probable.
+  const bool seen =
+      e.lnEvidence > needed - kModelDoubt / 2 ||
+      (e.lnEvidence > kHint && e.held && e.lnHeld > kOverwhelming * needed && e.heldRatio < kHintedHeld);
   const bool far = !around && (e.grain > kFarGrain || e.fine > kFarFine || e.broad > kFarBroad);
   const bool further = by.round == 0 || around || e.heldRatio < kFurtherHeld;
   out.passes = out.gain > needed && heldAgree && tellable && notWorse && helps && e.reach > kSmallestReach &&

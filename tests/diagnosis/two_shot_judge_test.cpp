@@ -32,8 +32,10 @@ TEST(TwoShotJudge, OverwhelmingEvidenceIsEnough) {
 
 TEST(TwoShotJudge, HeldOutPhotographsMayRefuse) {
   TwoShotEvidence e = plain();
-  e.lnHeld = -40;
+  e.lnHeld = -40, e.heldRatio = 0.9;
   EXPECT_FALSE(judge(e, kFirst).passes);
+  e.heldRatio = 0.5;
+  EXPECT_TRUE(judge(e, kFirst).passes) << "pictures that are plainly better outweigh a process' tight bounds";
   e = plain();
   e.heldRatio = 1.4;
   EXPECT_FALSE(judge(e, kFirst).passes);
