@@ -88,6 +88,51 @@ class Stretched : public Brdf {
   double ratio_, direction_;
 };
 
+class Fibrous : public Brdf {
+ public:
+  Fibrous(BrdfPtr base, double weight, double width)
+      : Brdf(base->origin()), base_(std::move(base)), weight_(weight), width_(width) {}
+  Eigen::Array3d evaluate(const Eigen::Vector3d& toLight, const Eigen::Vector3d& toView) const override {
+    const Eigen::Array3d under = base_->evaluate(toLight, toView);
+    if (!(toLight.z() > 0 && toView.z() > 0)) return under;
+    const Eigen::Vector3d half = (toLight + toView).normalized();
+    const double sine = half.head<2>().norm();
+    const double distribution = (2 + 1 / width_) * std::pow(sine, 1 / width_) / (2 * std::numbers::pi);
+    // Ashikhmin and Premoze's denominator: fibres don't shadow each other as facets do.
+    const double denominator = 4 * (toLight.z() + toView.z() - toLight.z() * toView.z());
+    return under + weight_ * distribution / denominator;
+  }
+
+ private:
+  BrdfPtr base_;
+  double weight_, width_;
+};
+
+class Filmed : public Brdf {
+ public:
+  Filmed(BrdfPtr base, double contrast, double opticalNm)
+      : Brdf(base->origin()), base_(std::move(base)), contrast_(contrast), optical_(opticalNm) {
+    constexpr int kAngles = 90;
+    for (int i = 0; i < kAngles; ++i) mean_ += waves((i + 0.5) * kDegree) / kAngles;
+  }
+  Eigen::Array3d evaluate(const Eigen::Vector3d& toLight, const Eigen::Vector3d& toView) const override {
+    const Eigen::Array3d under = base_->evaluate(toLight, toView);
+    const double thetaD = 0.5 * std::atan2(toLight.cross(toView).norm(), toLight.dot(toView));
+    return under * (1 + contrast_ * (waves(thetaD) - mean_)).max(0.05);
+  }
+
+ private:
+  Eigen::Array3d waves(double thetaD) const {
+    constexpr double kIndex = 1.5;
+    const double inside = std::sqrt(1 - std::pow(std::sin(thetaD) / kIndex, 2));
+    const Eigen::Array3d wavelengthNm(610, 540, 460);
+    return (4 * std::numbers::pi * optical_ * inside / wavelengthNm).cos();
+  }
+  BrdfPtr base_;
+  double contrast_, optical_;
+  Eigen::Array3d mean_ = Eigen::Array3d::Zero();
+};
+
 /// A photograph convolved with a kernel that depends on the distance alone, edges repeated.
 template <typename Kernel>
 Image convolved(const Image& photo, int reach, Kernel&& kernel) {
@@ -202,9 +247,19 @@ BrdfPtr stretchedBrdf(BrdfPtr base, double ratio, double directionDeg) {
   return std::make_shared<Stretched>(std::move(base), ratio, directionDeg);
 }
 
+BrdfPtr fibrousBrdf(BrdfPtr base, double weight, double width) {
+  return std::make_shared<Fibrous>(std::move(base), weight, width);
+}
+
+BrdfPtr filmedBrdf(BrdfPtr base, double contrast, double opticalNm) {
+  return std::make_shared<Filmed>(std::move(base), contrast, opticalNm);
+}
+
 std::vector<std::string> drawnEffectIds() {
-  return {"sample-tilt", "near-light", "vignetting",        "stray-light",
-          "glare",       "clearcoat",  "exposure-mismatch", "retroreflection"};
+  return {"sample-tilt", "near-light",      "vignetting",        "stray-light",
+          "glare",       "clearcoat",       "exposure-mismatch", "defocus",
+          "black-level", "retroreflection", "camera-response",   "channel-crosstalk",
+          "saturation",  "anisotropy",      "iridescence",       "sheen"};
 }
 
 void drawEffect(const std::string& id, double scale, std::mt19937_64& random, std::size_t poses,
@@ -236,6 +291,22 @@ void drawEffect(const std::string& id, double scale, std::mt19937_64& random, st
     const double peak = scale * uniform(1, 15);
     material =
         retroreflectingBrdf(material, {peak, peak * uniform(0.6, 1), peak * uniform(0.3, 1)}, uniform(2, 6));
+  } else if (id == "defocus") {
+    effects.defocusPx = scale * uniform(1, 3);
+  } else if (id == "black-level") {
+    effects.blackShare = scale * uniform(0.03, 0.1);
+  } else if (id == "camera-response") {
+    effects.gamma = std::exp(sign * scale * uniform(0.05, 0.15));
+  } else if (id == "channel-crosstalk") {
+    effects.crosstalk = std::min(0.3, scale * uniform(0.02, 0.06));
+  } else if (id == "saturation") {
+    effects.clipShare = uniform(0.2, 0.8) / scale;
+  } else if (id == "anisotropy") {
+    material = stretchedBrdf(material, std::exp(scale * uniform(0.2, 0.6)), uniform(0, 180));
+  } else if (id == "iridescence") {
+    material = filmedBrdf(material, std::min(0.9, scale * uniform(0.15, 0.35)), uniform(150, 450));
+  } else if (id == "sheen") {
+    material = fibrousBrdf(material, scale * uniform(0.05, 0.3), uniform(0.2, 0.6));
   }
 }
 

@@ -55,6 +55,12 @@ BrdfPtr coatedBrdf(BrdfPtr base, double weight, double alpha);
 BrdfPtr retroreflectingBrdf(BrdfPtr base, const Eigen::Array3d& peak, double widthDeg);
 /// The same with its highlight stretched along a direction: the half-vector's slope is scaled.
 BrdfPtr stretchedBrdf(BrdfPtr base, double ratio, double directionDeg);
+/// The same under fibres that glow towards grazing: the half-vector's sine to the power of 1 / `width`
+/// (Estevez and Kulla 2017), without shadowing, grey, `weight` times.
+BrdfPtr fibrousBrdf(BrdfPtr base, double weight, double width);
+/// The same behind a thin film: each channel is multiplied by 1 + `contrast` cos(phase), the phase being that
+/// of a film of `opticalNm` at wavelengths of 610, 540 and 460 nm, less its mean over all angles.
+BrdfPtr filmedBrdf(BrdfPtr base, double contrast, double opticalNm);
 
 /// Ids of the effects that `drawEffect` knows.
 std::vector<std::string> drawnEffectIds();

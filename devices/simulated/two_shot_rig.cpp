@@ -22,8 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kFilled = 0.94;     // of the picture's half side that the sample may reach
-constexpr double kTileExcess = 1.5;  // the tile's size over the sample's: no pixel of the sample sees its rim
+constexpr double kFilled = 0.94;        // of the picture's half side that the sample may reach
 constexpr double kTileLevel = 2.0 / 3;  // of full scale
 
 double secondsSince(std::chrono::steady_clock::time_point start) {
@@ -135,6 +134,7 @@ std::vector<std::string> TwoShotScene::validate() const {
   need((irradiance.array() > 0).all(), "the light's irradiance must be positive");
   need((whiteReflectance.array() > 0).all() && (whiteReflectance.array() <= 1).all(),
        "the white tile's reflectance must lie above 0 and be at most 1");
+  need(tileExcess >= 1, "the white tile must be at least as large as the sample");
   need(noise.shot >= 0 && noise.read >= 0 && fullScale >= 0, "noise and full scale can't be negative");
   need(std::ranges::any_of(poses, [](const TwoShotPose& pose) { return !pose.holdout; }),
        "there is no photograph that a fit may read");
@@ -167,7 +167,7 @@ Result<Image> exposeTwoShot(const TwoShotScene& scene, const ShotDirections& dir
   const Camera camera = twoShotCamera(scene, directions);
   const Eigen::Vector3d eye = camera.positionMm();
   const Eigen::Array3d white = scene.whiteReflectance.array() / kPi;
-  const double scale = tile ? kTileExcess : 1.0;
+  const double scale = tile ? scene.tileExcess : 1.0;
   const int side = scene.samplesPerPixelSide;
   const double middle = 0.5 * (scene.pixels - 1), corner = 2 * middle * middle;
   Image image(scene.pixels, scene.pixels, 3);

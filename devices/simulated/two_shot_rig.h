@@ -43,6 +43,7 @@ struct TwoShotScene {
   std::vector<TwoShotPose> poses;
   Eigen::Vector3d irradiance{2.7, 2.4, 1.9};  ///< E on a plane that faces the light, pixel units per second
   Eigen::Vector3d whiteReflectance{0.991, 0.990, 0.987};  ///< of the tile, Lambertian
+  double tileExcess = 1.5;                                ///< the tile's size over the sample's, at least 1
   bool declareIrradiance = false;  ///< say E in the bundle instead of photographing the tile
   SensorNoise noise;
   bool withNoise = true;         ///< false also turns clipping off
@@ -66,7 +67,8 @@ Camera twoShotCamera(const TwoShotScene& scene, const ShotDirections& directions
 /// Noise-free pixels of a photograph after 1 s with a perfect sensor: brdf * cos(theta_i) * E, the mean over
 /// rays that each meet the sample at their own point with their own view direction; off the sample 0. Rays
 /// where the BRDF is not known are left out of the mean and counted in `unknownRays`; a pixel without any
-/// known ray is 0. `tile`: the white tile in the sample's place, half as large again. Errors: Cancelled.
+/// known ray is 0. `tile`: the white tile in the sample's place, `tileExcess` times as large. Errors:
+/// Cancelled.
 Result<Image> exposeTwoShot(const TwoShotScene& scene, const ShotDirections& directions, bool tile,
                             const JobContext& job, std::size_t* unknownRays = nullptr);
 

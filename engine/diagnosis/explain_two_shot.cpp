@@ -28,6 +28,8 @@ constexpr int kRowsPerShot = 110;
 /// Gained by a rough fit before a thorough one is worth its time.
 constexpr double kWorthRefining = 3;
 constexpr int kRefined = 5;
+/// A lobe's evidence is worth its time where the fitted photographs' error falls to this share.
+constexpr double kWorthWeighing = 0.8;
 /// Within this share of the best one's gain, another explanation is as good.
 constexpr double kAlike = 0.12;
 /// Share of a sample's pixels that must be clipped before it is told.
@@ -38,8 +40,8 @@ using Clock = std::chrono::steady_clock;
 class Explainer {
  public:
   Explainer(BasisPtr basis, const std::vector<std::filesystem::path>& bundles, const ExplainOptions& options,
-            const JobContext& job)
-      : options_(options), job_(job), basis_(std::move(basis)) {
+            const JobContext& job, TwoShotRounds* rounds)
+      : options_(options), job_(job), rounds_(rounds), basis_(std::move(basis)) {
     out_->kind = "two-shot";
     out_->bundles = bundles;
   }
@@ -91,14 +93,12 @@ class Explainer {
     scores();
     std::set<std::string> taken;
     std::vector<Attempt> added;
+    TwoShotFitPtr after = before_;
     for (int round = 0; round < options_.maxEffects && !job_.cancelled(); ++round) {
       std::vector<Attempt> attempts = roundOf(round, taken);
+      const Attempt* best = chosen(attempts, after);
       if (round == 0) first_ = attempts;
-      const auto best =
-          std::max_element(attempts.begin(), attempts.end(), [](const Attempt& a, const Attempt& b) {
-            return (a.passes ? a.gain : -1e9) < (b.passes ? b.gain : -1e9);
-          });
-      if (best == attempts.end() || !best->passes) {
+      if (!best) {
         last_ = std::move(attempts);
         break;
       }
@@ -108,21 +108,14 @@ class Explainer {
       added.push_back(*best);
       last_ = std::move(attempts);
     }
+    freeForm(added, taken, after);
     lap("score", searching);
     if (job_.cancelled()) {
       out_->cancelled = true;
-      return finish(before_, start);
+      return finish(after, start);
     }
 
     const auto refitting = Clock::now();
-    TwoShotFitPtr after = before_;
-    if (!added.empty()) {
-      job_.progress("refit", 0, 1, "fits");
-      auto refitted = refit(added, added.size());
-      if (!refitted) return refitted.error();
-      after = *refitted;
-      job_.progress("refit", 1, 1, "fits");
-    }
     findings(added, after);
     budget(taken);
     lap("refit", refitting);
@@ -148,10 +141,10 @@ class Explainer {
     std::vector<Attempt> attempts;
     for (std::size_t i = 0; i < candidates_.size(); ++i) {
       const TwoShotCandidate& candidate = candidates_[i];
-      if (taken.contains(candidate.id) || !candidate.unobservable.empty()) continue;
+      if (taken.contains(candidate.id) || !candidate.unobservable.empty() || candidate.free) continue;
       Attempt attempt;
       attempt.candidate = i;
-      attempt.surface = !candidate.linear;
+      attempt.surface = candidate.surface && !candidate.linear;
       attempts.push_back(attempt);
     }
     const SurfaceTrial trial(*basis_, search_->fitted(), search_->held(), search_->accepted());
@@ -166,6 +159,12 @@ class Explainer {
       if (attempt.surface) {
         const SurfaceTrial::Found found = trial.search(candidate, job_);
         attempt.errors = found.errors, attempt.value = found.value, attempt.deviation = found.deviation;
+        if (found.errors.fit < kWorthWeighing * without.fit)
+          attempt.outcome = search_->weigh(candidate, attempt.value);
+      } else if (candidate.heldOnly) {
+        attempt.outcome = search_->heldFactors(candidate);
+        attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;
+        if (attempt.outcome.tried) attempt.errors = trial.errors(attempt.deviation);
       } else {
         attempt.outcome = search_->look(candidate);
       }
@@ -174,7 +173,7 @@ class Explainer {
     // The thorough fit of those that gained most.
     std::vector<std::size_t> order;
     for (std::size_t i = 0; i < attempts.size(); ++i)
-      if (!attempts[i].surface && attempts[i].outcome.tried &&
+      if (!attempts[i].surface && !candidates_[attempts[i].candidate].heldOnly && attempts[i].outcome.tried &&
           attempts[i].outcome.lnEvidence > kWorthRefining)
         order.push_back(i);
     std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -192,9 +191,98 @@ class Explainer {
       attempt.errors = with.errors(attempt.deviation);
       job_.progress("refit", ++refined, static_cast<std::int64_t>(order.size()), "effects");
     });
-    const JudgedBy by{candidates_.size(), options_.falseAlarmRate, round, &without, &data_.shots};
-    for (Attempt& attempt : attempts) judgeAttempt(candidates_[attempt.candidate], by, attempt);
+    double around = 0;
+    // First each by itself, then beside what the best of those explains of the surroundings.
+    JudgedBy by{candidates_.size(), options_.falseAlarmRate, round, 0};
+    for (Attempt& attempt : attempts) {
+      attempt.evidence = evidenceOf(candidates_[attempt.candidate], attempt, without, data_.shots);
+      if (judge(attempt.evidence, by).passes) around = std::max(around, attempt.evidence.lnAround);
+    }
+    by.around = around;
+    for (Attempt& attempt : attempts) attempt.verdict = judge(attempt.evidence, by);
+    if (rounds_) {
+      rounds_->emplace_back();
+      for (const Attempt& attempt : attempts) rounds_->back().push_back(attempt.evidence);
+    }
     return attempts;
+  }
+
+  /// The attempt with the most evidence with which the whole reconstruction, all photographs and pixels, also
+  /// predicts better; null: none. `after` becomes that reconstruction.
+  const Attempt* chosen(std::vector<Attempt>& attempts, TwoShotFitPtr& after) {
+    while (!job_.cancelled()) {
+      const auto best =
+          std::max_element(attempts.begin(), attempts.end(), [](const Attempt& a, const Attempt& b) {
+            return (a.verdict.passes ? a.verdict.gain : -1e9) < (b.verdict.passes ? b.verdict.gain : -1e9);
+          });
+      if (best == attempts.end() || !best->verdict.passes) return nullptr;
+      if (proven(*best, after)) return &*best;
+    }
+    return nullptr;
+  }
+
+  /// Reconstructs with an attempt's deviation and asks the held-out photographs again.
+  bool proven(Attempt& attempt, TwoShotFitPtr& after) {
+    job_.progress("refit", 0, 1, "fits");
+    const auto fit = refit(attempt.deviation, after);
+    if (!fit) {
+      attempt.verdict.passes = false;
+      return false;
+    }
+    attempt.evidence.wholeRatio = wholeRatio(**fit, *after);
+    verifyWhole(attempt.evidence, attempt.verdict);
+    job_.progress("refit", 1, 1, "fits");
+    if (rounds_ && !rounds_->empty())
+      for (TwoShotEvidence& e : rounds_->back())
+        if (e.id == attempt.evidence.id && e.variant == attempt.evidence.variant)
+          e.wholeRatio = attempt.evidence.wholeRatio;
+    if (!attempt.verdict.passes) return false;
+    steps_.push_back((*fit)->stats.holdoutRms);
+    after = *fit;
+    return true;
+  }
+
+  /// Errors of the held-out photographs (all together, or one by one, whichever is kinder), with over
+  /// without. 1 where there are none.
+  static double wholeRatio(const TwoShotFit& with, const TwoShotFit& without) {
+    if (!(with.stats.holdoutRms >= 0 && without.stats.holdoutRms > 0)) return 1;
+    double sum = 0, count = 0;
+    for (const TwoShotComparison& a : with.comparisons)
+      for (const TwoShotComparison& b : without.comparisons)
+        if (a.file == b.file && a.holdout && a.rms > 0 && b.rms > 0) sum += std::log(a.rms / b.rms), ++count;
+    return std::min(with.stats.holdoutRms / without.stats.holdoutRms, count > 0 ? std::exp(sum / count) : 1);
+  }
+
+  /// What has no name: the smooth deviation from the basis that the fitted photographs let expect, if it
+  /// makes the held-out ones better.
+  void freeForm(std::vector<Attempt>& added, std::set<std::string>& taken, TwoShotFitPtr& after) {
+    const auto candidate = std::find_if(candidates_.begin(), candidates_.end(),
+                                        [](const TwoShotCandidate& c) { return c.free; });
+    if (candidate == candidates_.end() || job_.cancelled()) return;
+    Attempt attempt;
+    attempt.candidate = static_cast<std::size_t>(candidate - candidates_.begin());
+    attempt.surface = true;
+    attempt.deviation = search_->accepted();
+    attempt.deviation.correction =
+        model_->correction(search_->mapped(), search_->conditioned(), search_->basis());
+    double squares = 0;
+    for (const HalfDiffAngles& angles : search_->mapped().angles)
+      squares += attempt.deviation.correction->lnFactor(angles).square().mean() /
+                 static_cast<double>(search_->mapped().angles.size());
+    attempt.value = Eigen::VectorXd::Constant(1, std::sqrt(squares));
+    const SurfaceTrial trial(*basis_, search_->fitted(), search_->held(), search_->accepted());
+    const SurfaceTrial::Errors without = trial.errors(search_->accepted());
+    attempt.errors = trial.errors(attempt.deviation);
+    attempt.evidence = evidenceOf(*candidate, attempt, without, data_.shots);
+    attempt.verdict = judge(attempt.evidence, {candidates_.size(), options_.falseAlarmRate, 0, 0});
+    if (rounds_) rounds_->push_back({attempt.evidence});
+    if (attempt.verdict.passes && proven(attempt, after)) {
+      taken.insert(candidate->id);
+      confidence_[candidate->id] = confidenceOf(attempt.verdict.gain);
+      search_->accept(attempt.deviation);
+      added.push_back(attempt);
+    }
+    last_.push_back(std::move(attempt));
   }
 
   /// Explanations as good as the best one make a group, and photographs that would decide are suggested.
@@ -204,9 +292,10 @@ class Explainer {
     double runnerUp = 0;
     for (const Attempt& other : attempts) {
       const std::string& otherId = candidates_[other.candidate].id;
-      if (otherId == id || !other.passes) continue;
-      runnerUp = std::max(runnerUp, other.gain);
-      if (other.gain > (1 - kAlike) * best.gain && group.size() < 2 && !best.surface && !other.surface)
+      if (otherId == id || !other.verdict.passes) continue;
+      runnerUp = std::max(runnerUp, other.verdict.gain);
+      if (other.verdict.gain > (1 - kAlike) * best.verdict.gain && group.size() < 2 && !best.surface &&
+          !other.surface)
         group.push_back(otherId);
     }
     const auto alias = [&](const char* a, const char* b) {
@@ -220,20 +309,23 @@ class Explainer {
       out_->confusable.push_back(group);
       out_->suggest.push_back({group[0], group[1], decidingCapture(group[0], group[1]), 0});
     }
-    const double margin = best.gain - (group.size() > 1 ? 0 : runnerUp);
-    confidence_[id] = std::clamp(1 - 0.5 * std::exp(-margin / 25), 0.5, 0.98);
+    confidence_[id] = confidenceOf(best.verdict.gain - (group.size() > 1 ? 0 : runnerUp));
   }
 
-  Result<TwoShotFitPtr> refit(const std::vector<Attempt>& added, std::size_t count) {
-    auto deviation = std::make_shared<TwoShotDeviation>();
-    if (count > 0) *deviation = added[count - 1].deviation;
-    auto fit = fitTwoShot(capture_, basis_, fitOptions_, job_, deviation);
-    if (!fit || !((*fit)->stats.holdoutRms >= before_->stats.holdoutRms)) return fit;
+  /// `margin`: ln odds over the second best.
+  static double confidenceOf(double margin) {
+    return std::clamp(1 - 0.5 * std::exp(-margin / 25), 0.5, 0.98);
+  }
+
+  Result<TwoShotFitPtr> refit(const TwoShotDeviation& deviation, const TwoShotFitPtr& without) {
+    const auto shared = std::make_shared<const TwoShotDeviation>(deviation);
+    auto fit = fitTwoShot(capture_, basis_, fitOptions_, job_, shared);
+    if (!fit || !((*fit)->stats.holdoutRms >= without->stats.holdoutRms)) return fit;
     // What the effect spoilt made the basis' mean look good. Without it the photographs may bear a smaller
     // eta.
     TwoShotFitOptions options = fitOptions_;
     options.chooseEta = true;
-    auto chosen = fitTwoShot(capture_, basis_, options, job_, deviation);
+    auto chosen = fitTwoShot(capture_, basis_, options, job_, shared);
     if (chosen && (*chosen)->stats.holdoutRms < (*fit)->stats.holdoutRms) {
       out_->remarks.push_back(
           "The refit chose its eta by cross-validation, which the effect had stood in the way of.");
@@ -288,19 +380,22 @@ class Explainer {
     const double tried = static_cast<double>(candidates_.size());
     if (candidate.linear) {
       const TwoShotSearch::Score& score = scores_[attempt.candidate];
-      finding.sigmas = sigmasOf(score.correctedP, attempt.gain);
+      finding.sigmas = sigmasOf(score.correctedP, attempt.verdict.gain);
       finding.correctedP = std::min(1.0, tried * score.correctedP);
-      if (attempt.passes && attempt.gain > 0) {
-        finding.sigmas = std::max(finding.sigmas, std::sqrt(2 * attempt.gain));
-        finding.correctedP = std::min(finding.correctedP, std::min(1.0, tried * std::exp(-attempt.gain)));
+      if (attempt.verdict.passes && attempt.verdict.gain > 0) {
+        finding.sigmas = std::max(finding.sigmas, std::sqrt(2 * attempt.verdict.gain));
+        finding.correctedP =
+            std::min(finding.correctedP, std::min(1.0, tried * std::exp(-attempt.verdict.gain)));
       }
     } else {
-      finding.sigmas = std::sqrt(2 * std::max(attempt.gain, 0.0));
-      finding.correctedP = attempt.passes ? std::min(1.0, tried * std::exp(-attempt.gain)) : 1;
+      finding.sigmas = std::sqrt(2 * std::max(attempt.verdict.gain, 0.0));
+      finding.correctedP =
+          attempt.verdict.passes ? std::min(1.0, tried * std::exp(-attempt.verdict.gain)) : 1;
     }
-    const double ratio = attempt.errors.held >= 0 ? attempt.heldRatio : attempt.fitRatio;
+    const double ratio = attempt.errors.held >= 0 ? attempt.evidence.heldRatio : attempt.evidence.fitRatio;
     finding.explained = std::clamp(1 - ratio * ratio, 0.0, 1.0);
-    finding.verdict = (candidate.variant.empty() ? "" : candidate.variant + ": ") + attempt.verdict + ".";
+    finding.verdict =
+        (candidate.variant.empty() ? "" : candidate.variant + ": ") + attempt.verdict.text + ".";
     if (!finding.verdict.empty())
       finding.verdict[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(finding.verdict[0])));
   }
@@ -316,12 +411,9 @@ class Explainer {
                                        attempt.surface ? surfaceSd(candidate, attempt) : attempt.outcome.sd);
       finding.sentence = sentenceOf(candidate.id, finding.parameters);
       finding.confidence = confidence_[candidate.id];
-      finding.holdoutRmsWith = after->stats.holdoutRms;
-      finding.holdoutRmsWithout = before_->stats.holdoutRms;
-      if (added.size() > 1 && i + 1 == added.size() && !job_.cancelled()) {
-        if (auto without = refit(added, added.size() - 1))
-          finding.holdoutRmsWithout = (*without)->stats.holdoutRms;
-      }
+      // Each as it was added: beside those before it.
+      finding.holdoutRmsWith = i < steps_.size() ? steps_[i] : after->stats.holdoutRms;
+      finding.holdoutRmsWithout = i > 0 ? steps_[i - 1] : before_->stats.holdoutRms;
       finding.plots.push_back(plotOf(*after));
       out_->effects.push_back(std::move(finding));
     }
@@ -333,14 +425,14 @@ class Explainer {
     for (const Attempt& attempt : last_) others.push_back(&attempt);
     for (const Attempt& attempt : first_) others.push_back(&attempt);
     std::stable_sort(others.begin(), others.end(),
-                     [](const Attempt* a, const Attempt* b) { return a->gain > b->gain; });
+                     [](const Attempt* a, const Attempt* b) { return a->verdict.gain > b->verdict.gain; });
     for (const Attempt* attempt : others) {
       const TwoShotCandidate& candidate = candidates_[attempt->candidate];
       if (!told.insert(candidate.id).second) continue;
       EffectFinding finding;
       fill(finding, *attempt);
       if (attempt->errors.held >= 0) {
-        finding.holdoutRmsWith = before_->stats.holdoutRms * attempt->heldRatio;
+        finding.holdoutRmsWith = before_->stats.holdoutRms * attempt->evidence.heldRatio;
         finding.holdoutRmsWithout = before_->stats.holdoutRms;
       }
       out_->considered.push_back(std::move(finding));
@@ -364,8 +456,6 @@ class Explainer {
       } else if (id == "saturation") {
         finding.verdict =
             "No photograph has a plateau at its largest value; clipped pixels would be left out.";
-      } else if (id == "basis-deviation") {
-        finding.verdict = "What no effect explains is told as unexplained, and where it sits.";
       } else {
         finding.verdict = "Not looked for in two-shot captures.";
       }
@@ -376,7 +466,8 @@ class Explainer {
   /// How much a parameter of a lobe may change before the error does: from the errors on either side.
   Eigen::VectorXd surfaceSd(const TwoShotCandidate& candidate, const Attempt& attempt) const {
     const SurfaceTrial trial(*basis_, search_->fitted(), search_->held(), attempt.deviation);
-    Eigen::VectorXd sd(attempt.value.size());
+    Eigen::VectorXd sd = Eigen::VectorXd::Zero(attempt.value.size());
+    if (candidate.free) return sd;
     for (Eigen::Index p = 0; p < sd.size(); ++p) {
       const double step = 0.15 * candidate.parameters[static_cast<std::size_t>(p)].sd;
       double curvature = 0;
@@ -469,6 +560,7 @@ class Explainer {
 
   ExplainOptions options_;
   const JobContext& job_;
+  TwoShotRounds* rounds_;
   std::shared_ptr<Explanation> out_ = std::make_shared<Explanation>();
   TwoShotCapture capture_;
   BasisPtr basis_;
@@ -481,17 +573,19 @@ class Explainer {
   std::vector<TwoShotSearch::Score> scores_;
   std::vector<Attempt> first_, last_;
   std::map<std::string, double> confidence_;
+  std::vector<double> steps_;  ///< held-out error after each effect that was added
 };
 
 }  // namespace
 
 Result<ExplanationPtr> explainTwoShotWith(const BasisPtr& basis,
                                           const std::vector<std::filesystem::path>& bundles,
-                                          const ExplainOptions& options, const JobContext& job) {
+                                          const ExplainOptions& options, const JobContext& job,
+                                          TwoShotRounds* rounds) {
   if (bundles.empty()) return Error{ErrorCode::Invalid, "there is no bundle to explain", "", "name one"};
   tbb::task_arena arena(job.threads > 0 ? job.threads : tbb::task_arena::automatic);
   std::optional<Result<ExplanationPtr>> result;
-  arena.execute([&] { result.emplace(Explainer(basis, bundles, options, job).run()); });
+  arena.execute([&] { result.emplace(Explainer(basis, bundles, options, job, rounds).run()); });
   return std::move(*result);
 }
 

@@ -88,11 +88,13 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
                         }));
     for (const double perM : {0.3, 0.7, 1.2, 2.0}) list.back().starts.push_back(VectorXd::Constant(1, perM));
   }
-  list.push_back(made("vignetting", "", {{"cornerLoss", "", 0, 0.2, false, ""}},
-                      [](const VectorXd& p, TwoShotDeviation& d) { d.vignetting += p[0]; }));
-  for (const double loss : {0.15, 0.3, 0.5}) list.back().starts.push_back(VectorXd::Constant(1, loss));
+  // How lenses darken differs: the loss in the corner, and how much of it comes late.
+  list.push_back(
+      made("vignetting", "", {{"cornerLoss", "", 0, 0.2, false, ""}, {"late", "", 0, 0.05, false, ""}},
+           [](const VectorXd& p, TwoShotDeviation& d) { d.vignetting += p[0], d.vignettingLate += p[1]; }));
+  for (const double loss : {0.15, 0.3, 0.5}) list.back().starts.push_back(Eigen::Vector2d(loss, 0));
 
-  // Stray light: the same everywhere; in proportion to what each photograph holds; each photograph its own.
+  // Stray light: the same everywhere, or in proportion to what each photograph holds.
   Eigen::Array3d mean = Eigen::Array3d::Zero();
   std::vector<Eigen::Array3d> level(shots, Eigen::Array3d::Zero());
   for (const std::size_t s : used) {
@@ -111,15 +113,6 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
                         room(d);
                         for (Eigen::Array3d& s : d.stray) s += p.head<3>().array() * mean;
                       }));
-  list.push_back(made("stray-light", "in proportion to each photograph",
-                      {{"strayShare", "of each photograph's level", 0, 0.06, false, ""},
-                       {"lnRed", "natural log", 0, 0.3, false, ""},
-                       {"lnBlue", "natural log", 0, 0.3, false, ""}},
-                      [level, room](const VectorXd& p, TwoShotDeviation& d) {
-                        room(d);
-                        for (std::size_t s = 0; s < d.stray.size(); ++s)
-                          d.stray[s] += p[0] * level[s] * hue(p[1], p[2]);
-                      }));
   // What the surroundings say, where they were photographed twice: where searches begin.
   std::vector<Eigen::Array3d> beside(shots, Eigen::Array3d::Zero()), white = beside;
   for (const SurroundingBlock& block : data.surroundings)
@@ -133,27 +126,28 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
     added[i] = (beside[s] - white[s]).sum() / n / std::max(level[s].sum(), 1e-12);
     factor[i] = sum > 0 && beside[s].sum() > 0 ? std::log(beside[s].sum() / sum) : 0.0;
   }
-  {
-    VectorXd start = VectorXd::Zero(3);
-    start[0] = added.size() > 0 ? added.mean() : 0.0;
-    list.back().starts.push_back(start);
-  }
-  std::vector<TwoShotCandidate::Parameter> each;
+  // One share, from which photographs differ a little: which level it goes with is the room's secret, and a
+  // held-out photograph's own can't be told from its surroundings alone.
+  std::vector<TwoShotCandidate::Parameter> each{
+      {"strayShare", "of each photograph's level", 0, 0.06, false, ""},
+      {"lnRed", "natural log", 0, 0.3, false, ""},
+      {"lnBlue", "natural log", 0, 0.3, false, ""}};
   for (const std::size_t s : used)
-    each.push_back({"strayShare", "of its level", 0, 0.06, false, capture.shots[s].file});
-  each.push_back({"lnRed", "natural log", 0, 0.3, false, ""});
-  each.push_back({"lnBlue", "natural log", 0, 0.3, false, ""});
-  list.push_back(made("stray-light", "each photograph its own", each,
+    each.push_back({"lnOwn", "natural log", 0, 0.2, false, capture.shots[s].file});
+  list.push_back(made("stray-light", "in proportion to each photograph", each,
                       [level, room, used](const VectorXd& p, TwoShotDeviation& d) {
                         room(d);
-                        const auto n = static_cast<Eigen::Index>(used.size());
                         for (std::size_t i = 0; i < used.size(); ++i)
                           d.stray[used[i]] +=
-                              p[static_cast<Eigen::Index>(i)] * level[used[i]] * hue(p[n], p[n + 1]);
+                              p[0] * level[used[i]] * hue(p[1], p[2]) *
+                              std::exp(std::clamp(p[3 + static_cast<Eigen::Index>(i)], -2.0, 2.0));
                       }));
   {
-    VectorXd start = VectorXd::Zero(added.size() + 2);
-    start.head(added.size()) = added;
+    VectorXd start = VectorXd::Zero(added.size() + 3);
+    const double mean = added.size() > 0 ? added.mean() : 0.0;
+    start[0] = mean;
+    for (Eigen::Index i = 0; i < added.size() && mean > 0; ++i)
+      start[3 + i] = std::clamp(std::log(std::max(added[i] / mean, 0.3)), -0.6, 0.6);
     list.back().starts.push_back(start);
   }
   each.clear();
@@ -164,6 +158,23 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
     for (std::size_t i = 0; i < used.size(); ++i) d.lnGain[used[i]] += p[i];
   }));
   list.back().starts.push_back(factor);
+  // A held-out photograph's own factor is known from itself alone.
+  std::vector<std::size_t> held;
+  each.clear();
+  for (const std::size_t s : used) {
+    if (!data.shots[s].holdout) continue;
+    held.push_back(s);
+    each.push_back({"lnFactor", "natural log", 0, 0.2, false, capture.shots[s].file});
+  }
+  if (!held.empty()) {
+    list.push_back(made("exposure-mismatch", "of held-out photographs", each,
+                        [shots, held](const VectorXd& p, TwoShotDeviation& d) {
+                          if (d.lnGain.empty()) d.lnGain.assign(shots, 0.0);
+                          for (std::size_t i = 0; i < held.size(); ++i)
+                            d.lnGain[held[i]] += p[static_cast<Eigen::Index>(i)];
+                        }));
+    list.back().heldOnly = true, list.back().linear = false;
+  }
 
   const double top = [&] {
     double largest = 0;
@@ -213,7 +224,7 @@ void surface(const DiagnosisData& data, std::vector<TwoShotCandidate>& list) {
                                  {"weightGreen", "1/sr", 0, 2, true, ""},
                                  {"weightBlue", "1/sr", 0, 2, true, ""},
                                  {"widthDeg", "degrees", std::log(3.0), 0.7, true, ""},
-                                 {"tail", "", 0, 0.5, true, ""},
+                                 {"tail", "", 0.5, 0.8, true, ""},
                                  {"incidence", "", 2, 2, false, ""}},
                                 [](const VectorXd& p, TwoShotDeviation& d) {
                                   RetroLobe lobe;
@@ -225,11 +236,15 @@ void surface(const DiagnosisData& data, std::vector<TwoShotCandidate>& list) {
                                 });
   retro.surface = true, retro.linear = false;
   retro.starts.clear();
-  for (const double width : {1.5, 5.0}) {
-    for (const double weight : {0.1, 1.0, 8.0, 50.0}) {
-      VectorXd start(6);
-      start << std::log(weight), std::log(weight), std::log(weight), std::log(width), 0, 2;
-      retro.starts.push_back(start);
+  // Beams with long tails (glass beads) and without (prisms; the width is then that of the core's, widened).
+  for (const double tail : {0.0, 1.6}) {
+    for (const double width : {1.5, 5.0}) {
+      for (const double weight : {0.1, 1.0, 8.0, 50.0}) {
+        VectorXd start(6);
+        start << std::log(weight), std::log(weight), std::log(weight),
+            std::log(width * std::sqrt(std::exp(tail))), tail, 2;
+        retro.starts.push_back(start);
+      }
     }
   }
   if (reach.nearLight < kFewestRows) {
@@ -292,6 +307,10 @@ void surface(const DiagnosisData& data, std::vector<TwoShotCandidate>& list) {
                                   [](const VectorXd& p, TwoShotDeviation& d) { d.fresnel += p[0]; });
   fresnel.surface = true;
   list.push_back(std::move(fresnel));
+  TwoShotCandidate unnamed = made("basis-deviation", "", {{"relativeChange", "", 0, 1, false, ""}},
+                                  [](const VectorXd&, TwoShotDeviation&) {});
+  unnamed.surface = unnamed.free = true, unnamed.linear = false;
+  list.push_back(std::move(unnamed));
 }
 
 }  // namespace

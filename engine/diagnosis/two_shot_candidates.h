@@ -17,10 +17,12 @@ struct TwoShotCandidate {
     bool logarithm = false;     ///< what is searched is ln of what is reported
     std::string where;
   };
-  std::string id;        ///< of the effect
-  std::string variant;   ///< what sets it apart from others of the same effect; may be empty
-  bool surface = false;  ///< a term of the material, not of the set-up
-  bool linear = true;    ///< zero means none: a score test at zero exists
+  std::string id;         ///< of the effect
+  std::string variant;    ///< what sets it apart from others of the same effect; may be empty
+  bool surface = false;   ///< a term of the material, not of the set-up
+  bool heldOnly = false;  ///< of held-out photographs alone: found from those themselves
+  bool free = false;      ///< has no name: tried when nothing else helps
+  bool linear = true;     ///< zero means none: a score test at zero exists
   std::vector<Parameter> parameters;
   std::vector<Eigen::VectorXd> starts;  ///< where searches begin
   std::function<void(const Eigen::VectorXd&, TwoShotDeviation&)> apply;

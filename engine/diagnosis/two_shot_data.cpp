@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "engine/twoshot/observations.h"
 #include "engine/twoshot/photo_noise.h"
@@ -16,6 +17,8 @@ namespace {
 constexpr int kMarginPx = 3;
 constexpr int kSurroundingBlockPx = 10;
 constexpr int kWhiteBlockPx = 16;
+/// Brighter than this share of the tile, a pixel beside the sample shows the tile itself.
+constexpr double kTileShare = 0.3;
 /// Surroundings are taken as they are seen twice, up to this share: a sample throws light on them that the
 /// tile doesn't, and the other way round.
 constexpr double kSurroundingsDiffer = 0.01;
@@ -167,19 +170,23 @@ class Loader {
     const std::vector<std::uint8_t> outside = wellOutside(view);
     std::array<Image, kBlurPx.size()> tileBlurs;
     for (std::size_t b = 0; b < kBlurPx.size(); ++b) tileBlurs[b] = blurredImage(*tile, kBlurPx[b]);
-    // The read noise that the sample's own brightness hides is the surroundings' own scatter.
+    // A tile that is larger than the sample covers what lies around it.
+    const Eigen::Array3d tileLevel =
+        kTileShare * data_.shots[s].whiteLevel * capture.whiteReflectance.array() / std::numbers::pi;
     for (int y0 = 0; y0 < view.height; y0 += kSurroundingBlockPx) {
       for (int x0 = 0; x0 < view.width; x0 += kSurroundingBlockPx) {
         SurroundingBlock block;
         block.shot = s, block.exposureS = shot.exposureS;
         Eigen::Array3d squares = Eigen::Array3d::Zero();
         double count = 0, mx = 0, my = 0;
+        bool tileThere = false;
         for (int y = y0; y < std::min(y0 + kSurroundingBlockPx, view.height); ++y) {
           for (int x = x0; x < std::min(x0 + kSurroundingBlockPx, view.width); ++x) {
             if (!outside[view.index(x, y)]) continue;
             ++count, mx += x, my += y;
             for (int c = 0; c < 3; ++c) {
               const double a = pixels.at(x, y, c) / shot.exposureS, b = tile->at(x, y, c) / white->exposureS;
+              tileThere |= b > tileLevel[c];
               block.beside[c] += a, block.white[c] += b, squares[c] += (a - b) * (a - b);
               for (std::size_t k = 0; k < kBlurPx.size(); ++k) {
                 block.blurred[k][c] += blurs[k].at(x, y, c) / shot.exposureS - a -
@@ -188,7 +195,7 @@ class Loader {
             }
           }
         }
-        if (count < kSurroundingBlockPx * kSurroundingBlockPx / 4) continue;
+        if (tileThere || count < kSurroundingBlockPx * kSurroundingBlockPx / 4) continue;
         block.beside /= count, block.white /= count;
         for (Eigen::Array3d& blur : block.blurred) blur /= count;
         const Eigen::Array3d spread =

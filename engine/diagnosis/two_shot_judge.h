@@ -8,6 +8,37 @@
 
 namespace patina {
 
+/// What speaks for and against one way of explaining the photographs, as numbers: all that a decision rests
+/// on.
+struct TwoShotEvidence {
+  std::string id, variant;
+  bool surface = false;   ///< a term of the material
+  bool lobe = false;      ///< one that was judged by the reconstruction alone
+  bool free = false;      ///< the free-form correction
+  bool ownShot = false;   ///< a factor of single photographs, which held-out ones don't share
+  bool heldOnly = false;  ///< of held-out photographs alone
+  bool refined = false;   ///< the thorough fit was made, so that the ratios are known
+  bool sensible = true;   ///< the strength makes sense
+  double lnEvidence = 0, lnHeld = 0, lnAround = 0, reach = 0;  ///< as TrialOutcome
+  double first = 0, firstSd = 0;                               ///< the first parameter, as it was searched
+  double grain = 0, fine = 0, broad = 0;  ///< brightness: how far from the basis the material is with it
+  /// Errors of the reconstruction with over without: fitted photographs, held-out ones (1 where there are
+  /// none).
+  double fitRatio = 1, heldRatio = 1;
+  /// The same of the whole reconstruction, all pixels; 0: not made.
+  double wholeRatio = 0;
+  bool held = false;  ///< there are held-out photographs
+  /// Share of the held-out photographs that it makes better, and the largest ratio of one of them.
+  double heldBetter = 0, heldWorst = 1;
+};
+
+/// What became of it.
+struct TwoShotVerdict {
+  bool passes = false;
+  double gain = 0;  ///< ln odds, for a lobe those that the errors are worth
+  std::string text;
+};
+
 /// One effect that was tried, and what came of it.
 struct Attempt {
   std::size_t candidate = 0;
@@ -15,10 +46,9 @@ struct Attempt {
   SurfaceTrial::Errors errors;  ///< of the reconstruction with it
   Eigen::VectorXd value;
   TwoShotDeviation deviation;
-  double fitRatio = 1, heldRatio = 1;
-  double gain = 0;  ///< ln odds, for a surface term those that the errors are worth
-  bool surface = false, passes = false;
-  std::string verdict;
+  bool surface = false;
+  TwoShotEvidence evidence;
+  TwoShotVerdict verdict;
 };
 
 /// What all attempts of a round are judged by.
@@ -26,11 +56,17 @@ struct JudgedBy {
   std::size_t tried = 1;
   double falseAlarmRate = 0.01;
   int round = 0;
-  const SurfaceTrial::Errors* without = nullptr;
-  const std::vector<DiagnosisShot>* shots = nullptr;
+  double around = 0;  ///< the most that any of the round's attempts explains of the surroundings, ln odds
 };
 
-/// Decides whether an attempt may be added, fills in its ratios, gain and verdict.
-void judgeAttempt(const TwoShotCandidate& candidate, const JudgedBy& by, Attempt& attempt);
+/// The numbers of an attempt. `without`: errors of the reconstruction as it stands.
+TwoShotEvidence evidenceOf(const TwoShotCandidate& candidate, const Attempt& attempt,
+                           const SurfaceTrial::Errors& without, const std::vector<DiagnosisShot>& shots);
+
+/// Whether it may be added.
+TwoShotVerdict judge(const TwoShotEvidence& evidence, const JudgedBy& by);
+
+/// Takes a verdict back where the whole reconstruction is not better for it.
+void verifyWhole(const TwoShotEvidence& evidence, TwoShotVerdict& verdict);
 
 }  // namespace patina

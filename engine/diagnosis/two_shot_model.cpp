@@ -17,17 +17,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDegree = std::numbers::pi / 180;
 /// The extra lobes' shapes are guesses, off by this share of them, smoothly and in all channels alike; and by
 /// the second share from row to row.
 constexpr double kLobeError = 0.12, kLobeGrain = 0.01;
 /// Cosines of light and view below which rows are left out: measured BRDFs are not to be trusted there.
 constexpr double kSmallestCosine = 0.15;
-/// Reach of the smooth deviations: thetaH in cells of the MERL grid (90 sqrt(thetaH / 90 degrees)), thetaD in
-/// degrees.
-constexpr double kBroadCells = 16, kBroadDeg = 22, kFineCells = 5, kFineDeg = 8;
-/// Weight of phiD's coordinate, in units of the broad reach.
-constexpr double kPhiWeight = 2;
 /// Prior of the deviations' sizes: medians (materials left out of the built-in basis), one standard deviation
 /// of their logarithm.
 constexpr double kPriorSpread = 1.2;
@@ -38,43 +32,6 @@ constexpr double kSmallestPart = 1e-4, kLargestPart = 2;
 constexpr double kPixelError = 0.004;
 /// Share of what was seen below which the rest beside a lobe is not taken by its logarithm any more.
 constexpr double kSmallestShare = 0.05;
-
-const Eigen::Matrix3d& combinations() {
-  static const Eigen::Matrix3d matrix = [] {
-    Eigen::Matrix3d m;
-    m << 1 / std::sqrt(3.0), 1 / std::sqrt(3.0), 1 / std::sqrt(3.0),  //
-        1 / std::sqrt(2.0), 0, -1 / std::sqrt(2.0),                   //
-        1 / std::sqrt(6.0), -2 / std::sqrt(6.0), 1 / std::sqrt(6.0);
-    return m;
-  }();
-  return matrix;
-}
-
-Eigen::RowVector3d placeOf(const HalfDiffAngles& angles) {
-  const double cells = 90 * std::sqrt(std::max(angles.thetaHRad, 0.0) / (90 * kDegree));
-  return {
-      cells / kBroadCells, angles.thetaDRad / (kBroadDeg * kDegree),
-      kPhiWeight * std::sin(angles.thetaHRad) * std::sin(angles.thetaDRad) * std::cos(2 * angles.phiDRad)};
-}
-
-/// Covariance of the smooth deviations between two sets of places, for both parts of a set of sizes.
-MatrixXd smoothCovariance(const MatrixXd& a, const MatrixXd& b, const BasisDeviation::Part& part) {
-  MatrixXd out(a.rows(), b.rows());
-  const double broad = part.broad * part.broad, fine = part.fine * part.fine;
-  const double rh = kBroadCells / kFineCells, rd = kBroadDeg / kFineDeg;
-  tbb::parallel_for(Index{0}, b.rows(), [&](Index j) {
-    for (Index i = 0; i < a.rows(); ++i) {
-      const double h = a(i, 0) - b(j, 0), d = a(i, 1) - b(j, 1), p = a(i, 2) - b(j, 2);
-      const double far = h * h + d * d + p * p, near = h * h * rh * rh + d * d * rd * rd + 4 * p * p;
-      // Beyond 60 an exponential adds less than rounding.
-      double sum = 0;
-      if (broad > 0 && far < 60) sum += broad * std::exp(-0.5 * far);
-      if (fine > 0 && near < 60) sum += fine * std::exp(-0.5 * near);
-      out(i, j) = sum;
-    }
-  });
-  return out;
-}
 
 /// Adds the covariance that the guessed shape of an added lobe brings: smooth over a half of the broad reach.
 void addLobeCovariance(const MatrixXd& place, const MatrixXd& lobe, MatrixXd& out) {
@@ -135,7 +92,7 @@ TwoShotModel::TwoShotModel(BasisPtr basis) : basis_(std::move(basis)) {
   const Index materials = columns.cols() / 3;
   brightness_.resize(columns.rows(), materials);
   colour_.resize(columns.rows(), 2 * materials);
-  const Eigen::Matrix3d& mix = combinations();
+  const Eigen::Matrix3d& mix = channelCombinations();
   const double root = 1 / std::sqrt(static_cast<double>(materials));
   for (Index m = 0; m < materials; ++m) {
     const MatrixXd mixed = columns.middleCols(3 * m, 3) * mix.transpose() * root;
@@ -198,9 +155,9 @@ MappedRows TwoShotModel::map(const std::vector<DiagnosisRow>& rows, const TwoSho
     out.weight = basisRows.weight, out.offset = basisRows.lnReference + basisRows.mean;
     out.brightness = product(basisRows.components, false, brightness_, false);
     out.colour = product(basisRows.components, false, colour_, false);
-    for (Index i = 0; i < n; ++i) out.place.row(i) = placeOf(out.angles[i]);
+    for (Index i = 0; i < n; ++i) out.place.row(i) = smoothPlace(out.angles[i]);
   }
-  const Eigen::Matrix3d& mix = combinations();
+  const Eigen::Matrix3d& mix = channelCombinations();
   const Eigen::Matrix3d squares = mix.array().square().matrix();
   for (Index i = 0; i < n; ++i) {
     const DiagnosisRow& row = rows[static_cast<std::size_t>(i)];
@@ -278,6 +235,23 @@ MatrixXd TwoShotModel::predict(const MappedRows& seen, const ConditionedRows& co
   out.rightCols(2) = there.colour * (seen.colour.transpose() * solvedColour) +
                      smoothCovariance(there.place, seen.place, basis.colour) * solvedColour;
   return out;
+}
+
+MatrixXd TwoShotModel::predictedCovariance(const MappedRows& seen, const ConditionedRows& conditioned,
+                                           const MappedRows& there, const BasisDeviation& basis) const {
+  MatrixXd across = smoothCovariance(seen.place, there.place, basis.brightness);
+  multiply(seen.brightness, false, there.brightness, true, across, 1, 1);
+  solveLowerInPlace(conditioned.factorBrightness, false, across);
+  const MatrixXd none;
+  MatrixXd own = covariance(there.place, there.brightness, there.noise.col(0), none, basis.brightness);
+  multiply(across, true, across, false, own, -1, 1);
+  return own;
+}
+
+std::shared_ptr<const SmoothCorrection> TwoShotModel::correction(const MappedRows& seen,
+                                                                 const ConditionedRows& conditioned,
+                                                                 const BasisDeviation& basis) const {
+  return std::make_shared<const SmoothCorrection>(seen.place, conditioned.solved, basis);
 }
 
 double TwoShotModel::lnPrior(const BasisDeviation& basis) {

@@ -8,19 +8,8 @@
 
 namespace patina {
 
-/// How far a material may be from the basis, natural-log units (standard deviations): what is left in single
-/// rows (texture, the grid's interpolation), and smooth deviations of two widths. One set for brightness, one
-/// for colour.
-struct BasisDeviation {
-  struct Part {
-    double grain = 0.01, fine = 0.02, broad = 0.05;
-  };
-  Part brightness{}, colour{};
-};
-
-/// Rows mapped to logarithms under an assumed deviation of the set-up, ready for the linear model. Three
-/// combinations of the channels are kept: their mean (times sqrt 3) and two differences, because a material's
-/// channels deviate from the basis together: counting them as three witnesses would call chance a discovery.
+/// Rows mapped to logarithms under an assumed deviation of the set-up, ready for the linear model, in the
+/// channels' combinations (`channelCombinations`).
 struct MappedRows {
   Eigen::MatrixXd value;       ///< n x 3, basis' mean taken off
   Eigen::MatrixXd noise;       ///< n x 3, variance by the sensor
@@ -62,12 +51,20 @@ class TwoShotModel {
   /// The material's part of `there`, given what was seen at `seen`: n x 3 like MappedRows::value.
   Eigen::MatrixXd predict(const MappedRows& seen, const ConditionedRows& conditioned, const MappedRows& there,
                           const BasisDeviation& basis) const;
+  /// Covariance of what `predict` says of the brightness, noise included: n x n.
+  Eigen::MatrixXd predictedCovariance(const MappedRows& seen, const ConditionedRows& conditioned,
+                                      const MappedRows& there, const BasisDeviation& basis) const;
   /// How far from the basis the material is, by the largest posterior probability; `start` is where the
   /// search begins. Cost: some 30 factorisations.
   BasisDeviation fitDeviation(const MappedRows& rows, const BasisDeviation& start,
                               const JobContext& job) const;
   /// ln of the prior density that `fitDeviation` maximises beside the likelihood.
   static double lnPrior(const BasisDeviation& basis);
+
+  /// The smooth deviation from the basis that the photographs let expect.
+  std::shared_ptr<const SmoothCorrection> correction(const MappedRows& seen,
+                                                     const ConditionedRows& conditioned,
+                                                     const BasisDeviation& basis) const;
 
   const Basis& basis() const { return *basis_; }
 

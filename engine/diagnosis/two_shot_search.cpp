@@ -18,7 +18,9 @@ using Eigen::VectorXd;
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 constexpr int kSteps = 12, kRounds = 5;
 /// What the surroundings of a photograph count at most, in independent measurements.
-constexpr double kIndependentBlocks = 12;
+constexpr double kIndependentBlocks = 30;
+/// ln odds below which a held-out photograph's own factor is none.
+constexpr double kHeldFactorGain = 4;
 /// Step of the numerical derivatives, in prior standard deviations.
 constexpr double kDifference = 0.02;
 
@@ -71,6 +73,7 @@ double TwoShotSearch::aroundLn(const TwoShotDeviation& deviation, VectorXd* resi
   photographic.retro.reset(), photographic.coat.reset();
   photographic.sheen = photographic.fresnel = 0;
   photographic.tint.setZero(), photographic.stretch.setZero();
+  photographic.correction.reset();
   const auto count = static_cast<Index>(data_.surroundings.size());
   VectorXd all(3 * count);
   std::size_t blur = 0;
@@ -306,7 +309,9 @@ TrialOutcome TwoShotSearch::from(const TwoShotCandidate& candidate, const Vector
                        0.5 * static_cast<double>(count) * std::log(2 * std::numbers::pi) - lnHere_;
   outcome.lnAround = here.around - lnAround_;
   if (rounds > 0) outcome.lnHeld = heldLn(here.deviation, basis, here.conditioned.lnLikelihood) - lnHeld_;
+  // A factorisation that failed says nothing for the effect.
   if (!std::isfinite(outcome.lnHeld)) outcome.lnHeld = -1e6;
+  if (!std::isfinite(outcome.lnEvidence)) outcome.lnEvidence = -1e6;
   outcome.reach = std::sqrt((here.rows.value - mapped_.value).squaredNorm() /
                             static_cast<double>(std::max<Index>(1, 3 * here.rows.size())));
   return outcome;
@@ -340,6 +345,81 @@ TrialOutcome TwoShotSearch::look(const TwoShotCandidate& candidate) const {
 TrialOutcome TwoShotSearch::refine(const TwoShotCandidate& candidate, const TrialOutcome& start) const {
   TrialOutcome outcome = from(candidate, start.value, start.basis, kRounds);
   outcome.score = start.score;
+  return outcome;
+}
+
+TrialOutcome TwoShotSearch::weigh(const TwoShotCandidate& candidate, const VectorXd& value) const {
+  TrialOutcome outcome;
+  outcome.deviation = deviation_;
+  candidate.apply(value, outcome.deviation);
+  const MappedRows rows = model_.map(fitted_, outcome.deviation, &mapped_);
+  outcome.basis = model_.fitDeviation(rows, basis_, job_);
+  const ConditionedRows conditioned = model_.condition(rows, outcome.basis);
+  // Parameters are paid for as in Schwarz' criterion: half the logarithm of the rows each, and their prior.
+  double prior = 0;
+  for (Index i = 0; i < value.size(); ++i) {
+    const TwoShotCandidate::Parameter& p = candidate.parameters[static_cast<std::size_t>(i)];
+    const double z = (value[i] - p.middle) / p.sd;
+    prior -= 0.5 * z * z + 0.5 * std::log(static_cast<double>(rows.size()));
+  }
+  outcome.tried = true;
+  outcome.value = value;
+  outcome.lnEvidence =
+      conditioned.lnLikelihood + TwoShotModel::lnPrior(outcome.basis) + lnAround_ + prior - lnHere_;
+  outcome.lnHeld = heldLn(outcome.deviation, outcome.basis, conditioned.lnLikelihood) - lnHeld_;
+  if (!std::isfinite(outcome.lnHeld)) outcome.lnHeld = -1e6;
+  if (!std::isfinite(outcome.lnEvidence)) outcome.lnEvidence = -1e6;
+  return outcome;
+}
+
+TrialOutcome TwoShotSearch::heldFactors(const TwoShotCandidate& candidate) const {
+  TrialOutcome outcome;
+  const Index count = static_cast<Index>(candidate.parameters.size());
+  struct One {
+    Index parameter = 0;
+    double ln = 0, sd = 0, gain = 0;
+  };
+  std::vector<One> found;
+  std::vector<std::size_t> shots;
+  for (std::size_t s = 0; s < data_.shots.size(); ++s)
+    if (data_.shots[s].used && data_.shots[s].holdout) shots.push_back(s);
+  std::size_t all = 0;
+  for (const DiagnosisShot& shot : data_.shots) all += shot.used;
+  for (Index p = 0; p < count && !job_.cancelled(); ++p) {
+    std::vector<DiagnosisRow> rows;
+    for (const DiagnosisRow& row : held_)
+      if (row.point.shot == shots[static_cast<std::size_t>(p)]) rows.push_back(row);
+    if (rows.size() < 10) continue;
+    const MappedRows there = model_.map(rows, deviation_);
+    const VectorXd residual =
+        there.value.col(0) - model_.predict(mapped_, conditioned_, there, basis_).col(0);
+    MatrixXd covariance = model_.predictedCovariance(mapped_, conditioned_, there, basis_);
+    if (!choleskyInPlace(covariance)) continue;
+    // What a factor does to the logarithm: sqrt 3 (three channels alike) where the material isn't black.
+    MatrixXd both(there.size(), 2);
+    both.col(0).setConstant(std::sqrt(3.0)), both.col(1) = residual;
+    solveLowerInPlace(covariance, false, both);
+    const double prior = candidate.parameters[static_cast<std::size_t>(p)].sd;
+    const double precision = both.col(0).squaredNorm() + 1 / (prior * prior);
+    One one;
+    one.parameter = p;
+    one.ln = both.col(0).dot(both.col(1)) / precision;
+    one.sd = 1 / std::sqrt(precision);
+    one.gain = 0.5 * one.ln * one.ln * precision - 0.5 * std::log(precision * prior * prior);
+    if (one.gain > kHeldFactorGain && std::abs(one.ln) > candidate.least) found.push_back(one);
+  }
+  if (found.empty() || 3 * found.size() > all) return outcome;
+  outcome.value = VectorXd::Zero(count), outcome.sd = VectorXd::Zero(count);
+  for (const One& one : found) {
+    outcome.value[one.parameter] = one.ln, outcome.sd[one.parameter] = one.sd;
+    outcome.lnHeld += one.gain;
+    outcome.reach = std::max(outcome.reach, std::abs(one.ln));
+  }
+  outcome.tried = true;
+  outcome.basis = basis_;
+  outcome.deviation = deviation_;
+  candidate.apply(outcome.value, outcome.deviation);
+  outcome.lnAround = aroundLn(outcome.deviation, nullptr) - lnAround_;
   return outcome;
 }
 

@@ -63,6 +63,7 @@ std::vector<EffectEstimate> estimatesOf(const TwoShotCandidate& candidate, const
       estimate.sd *= std::exp(estimate.value);
       estimate.value = std::expm1(estimate.value);
     }
+    if (candidate.heldOnly) std::erase_if(out, [](const EffectEstimate& e) { return e.value == 0; });
   } else if (id == "stray-light") {
     double sum = 0, square = 0, count = 0;
     for (const EffectEstimate& one : out)
@@ -76,7 +77,10 @@ std::vector<EffectEstimate> estimatesOf(const TwoShotCandidate& candidate, const
     const double px = std::sqrt(std::max(out[0].value, 0.0));
     first({"sigmaPx", "pixels", px, px > 0 ? out[0].sd / (2 * px) : 0, ""});
   } else if (id == "clearcoat") {
-    out[0].name = "strength";
+    // The catalogue's: albedo at normal incidence of a coat of index 1.5, and the slope's standard deviation.
+    const EffectEstimate weight = out[0], alpha = out[1];
+    first({"sigma", "", alpha.value / std::numbers::sqrt2, alpha.sd / std::numbers::sqrt2, ""});
+    first({"strength", "", 0.04 * weight.value, 0.04 * weight.sd, ""});
   } else if (id == "retroreflection") {
     first({"strength", "1/sr", (out[0].value + out[1].value + out[2].value) / 3, out[1].sd, ""});
   } else if (id == "anisotropy") {
@@ -152,10 +156,16 @@ std::string sentenceOf(const std::string& id, const std::vector<EffectEstimate>&
         "A smooth coat lies over the material: a colourless highlight of alpha %.3f and %.2f times the "
         "strength of a "
         "clear varnish.",
-        valueOf(e, "alpha"), valueOf(e, "strength"));
+        valueOf(e, "alpha"), valueOf(e, "weight"));
   if (id == "anisotropy")
     return written("The highlight is stretched: %.2f times as long along %.0f degrees as across.",
                    valueOf(e, "ratio"), valueOf(e, "angleDeg"));
+  if (id == "basis-deviation")
+    return written(
+        "The material reflects as none of the known ones: a smooth correction of %.0f %% on the mean, which "
+        "has no "
+        "name, makes the photographs that were held out better.",
+        100 * valueOf(e, "relativeChange"));
   if (id == "iridescence") return "The colour changes with the angle between light and view.";
   if (id == "saturation")
     return written(

@@ -125,12 +125,12 @@ double cornerShareOf(const Camera& camera, double x, double y) {
 }
 
 bool TwoShotDeviation::none() const {
-  return tiltDeg.isZero(0) && heightMm == 0 && lightPerM == 0 && vignetting == 0 &&
+  return tiltDeg.isZero(0) && heightMm == 0 && lightPerM == 0 && vignetting == 0 && vignettingLate == 0 &&
          std::all_of(stray.begin(), stray.end(), [](const Eigen::Array3d& s) { return (s == 0).all(); }) &&
          std::all_of(lnGain.begin(), lnGain.end(), [](double g) { return g == 0; }) &&
          (blackLevel == 0).all() && lnResponse == 0 && crosstalk == 0 && glare == 0 && defocusPx == 0 &&
          saturation == 0 && stretch.isZero(0) && !retro && !coat && sheen == 0 && fresnel == 0 &&
-         tint.isZero(0);
+         tint.isZero(0) && !correction;
 }
 
 DirectionPair TwoShotDeviation::directions(const PhotoPoint& point) const {
@@ -165,17 +165,19 @@ Eigen::Array3d TwoShotDeviation::added(const DirectionPair& pair) const {
 }
 
 Eigen::Array3d TwoShotDeviation::multiplied(const HalfDiffAngles& angles) const {
-  if (fresnel == 0 && tint.isZero(0)) return Eigen::Array3d::Ones();
+  if (fresnel == 0 && tint.isZero(0) && !correction) return Eigen::Array3d::Ones();
   const double x = 1 - std::cos(angles.thetaDRad);
   const Eigen::Vector2d modes(x, x * x);
   const double redBlue = modes.dot(tint.row(0)), green = modes.dot(tint.row(1));
   Eigen::Array3d ln(redBlue / 2 - green / 3, 2 * green / 3, -redBlue / 2 - green / 3);
   ln += fresnel * schlick(1 - x);
+  if (correction) ln += correction->lnFactor(angles);
   return ln.exp().max(kSmallestTint);
 }
 
 double TwoShotDeviation::gain(const PhotoPoint& point, const DirectionPair& pair) const {
-  double factor = 1 - vignetting * point.cornerShare;
+  double factor =
+      1 - vignetting * point.cornerShare - vignettingLate * point.cornerShare * (point.cornerShare - 1);
   if (!lnGain.empty()) factor *= std::exp(lnGain[point.shot]);
   if (!tiltDeg.isZero(0) || (lightPerM != 0 && !whiteLitAlike)) {
     // The white tile lies flat, under the same light or under one that was taken for distant.
@@ -239,6 +241,7 @@ TwoShotDeviation TwoShotDeviation::withoutSurfaceTerms() const {
   out.retro.reset(), out.coat.reset();
   out.sheen = out.fresnel = 0;
   out.tint.setZero();
+  out.correction.reset();
   return out;
 }
 
@@ -266,7 +269,7 @@ Image TwoShotDeviation::blurred(const Image& photo) const {
 
 std::shared_ptr<const TabulatedBrdf> TwoShotDeviation::withSurfaceTerms(
     std::shared_ptr<const TabulatedBrdf> table) const {
-  if (!retro && !coat && sheen == 0 && fresnel == 0 && tint.isZero(0)) return table;
+  if (!retro && !coat && sheen == 0 && fresnel == 0 && tint.isZero(0) && !correction) return table;
   TabulatedBrdf::Planes planes = table->planes();
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, MerlGrid::kCells, 8192),
                     [&](const tbb::blocked_range<std::size_t>& range) {

@@ -11,6 +11,7 @@
 #include "engine/brdf/tabulated_brdf.h"
 #include "engine/geometry/camera.h"
 #include "engine/image/image.h"
+#include "engine/twoshot/smooth_correction.h"
 
 namespace patina {
 
@@ -47,6 +48,8 @@ struct TwoShotDeviation {
   bool whiteLitAlike =
       true;  ///< the white tile was lit by the same near light, so that its fall-off is divided out
   double vignetting = 0;  ///< share lost in the picture's corner, growing with the square of the radius
+  double vignettingLate =
+      0;  ///< share of light by which the loss half way out is smaller than that law's, times 4
   std::vector<Eigen::Array3d>
       stray;                   ///< each shot: light added to every pixel, pixel units per second; or empty
   std::vector<double> lnGain;  ///< each shot: ln of the true over the declared exposure times light; or empty
@@ -68,6 +71,7 @@ struct TwoShotDeviation {
   /// Colour that changes with thetaD: ln R - ln B and ln G - (ln R + ln B) / 2, linear and square in
   /// 1 - cos(thetaD).
   Eigen::Matrix2d tint = Eigen::Matrix2d::Zero();
+  std::shared_ptr<const SmoothCorrection> correction;  ///< what has no name; null: none
 
   bool none() const;
 

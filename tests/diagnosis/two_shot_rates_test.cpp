@@ -9,6 +9,7 @@
 #include "engine/twoshot/basis_subset.h"
 #include "tests/base/temp_folder.h"
 #include "tests/diagnosis/two_shot_draws.h"
+#include "tests/test_data.h"
 
 // How often the right effect is named: the shared bundles, and captures drawn at random.
 namespace patina {
@@ -56,7 +57,8 @@ TEST(ExplainTwoShotDrawn, RatesHold) {
   int right = 0, withEffect = 0, quiet = 0, clean = 0;
   for (int i = 0; i < draws; ++i) {
     const std::string id = ids[static_cast<std::size_t>(i) % ids.size()];
-    const test::TwoShotDraw draw = test::drawTwoShot(seed + static_cast<unsigned>(i), id);
+    const test::TwoShotDraw draw = test::drawTwoShot(
+        seed + static_cast<unsigned>(i), id.empty() ? std::vector<std::string>{} : std::vector{id});
     const test::TempFolder folder;
     JobContext job;
     job.seed = seed + static_cast<unsigned>(i);

@@ -324,6 +324,7 @@ TEST_F(ExplainTest, ATwoShotBundleIsExplainedToo) {
   const auto bundle = temporary() / "two";
   simulateTwoShotBundle(bundle);
   Services services = explainServices(asked_);
+  services.fitTwoShot = fakeTwoShotServices().fitTwoShot;
   auto window = makeWindow(services);
   window->openPath(QString::fromStdString(bundle.string()));
   ASSERT_TRUE(until([&] { return !window->opening(); }));
@@ -332,6 +333,17 @@ TEST_F(ExplainTest, ATwoShotBundleIsExplainedToo) {
   ASSERT_TRUE(until([&] { return !window->fitting(); }));
   EXPECT_TRUE(window->explainShown());
   EXPECT_EQ(asked_->bundles, Paths{bundle});
+  // Views of a reconstruction have nothing to show before there is one; the way back is there.
+  EXPECT_FALSE(window->action("view-wipe")->isEnabled());
+  window->action("explain-back")->trigger();
+  EXPECT_FALSE(window->explainShown());
+  window->action("fit")->trigger();
+  ASSERT_TRUE(until([&] { return !window->fitting(); }));
+  ASSERT_TRUE(window->twoShot()->fitted()) << window->banner()->text().toStdString();
+  window->action("explain")->trigger();
+  ASSERT_TRUE(window->explainShown());
+  EXPECT_EQ(asked_->times, 1) << "what was found is shown again";
+  ASSERT_TRUE(window->action("view-wipe")->isEnabled());
   window->action("view-wipe")->trigger();
   EXPECT_FALSE(window->explainShown()) << "a view of the reconstruction is asked for";
 }
