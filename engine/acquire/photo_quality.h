@@ -1,0 +1,63 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/acquire/pattern_image.h"
+#include "engine/acquire/rig_description.h"
+#include "engine/image/image.h"
+
+namespace patina {
+
+enum class PhotoFault { Clipped, Shaken, WrongPattern, BrightnessOff, Black };
+/// "clipped", "shaken", "wrong pattern", "brightness off", "black".
+std::string faultName(PhotoFault fault);
+
+/// What was seen of one photograph.
+struct PhotoQuality {
+  double clippedShare = 0;           ///< of the sample's pixels
+  std::optional<double> movedPx;     ///< against the window photograph; empty: the sample has no texture
+                                     ///< that would tell
+  std::optional<double> brightness;  ///< over what the photographs so far predict; empty: too few yet
+  std::optional<double> expectedResidual;     ///< relative RMS of the prediction for the pattern asked for
+  std::optional<double> alternativeResidual;  ///< and the smallest for another picture that may still have
+                                              ///< been on the glass
+  std::string alternative;  ///< its name
+  std::vector<PhotoFault> faults;
+  std::string sentence;  ///< for the person: what is wrong and how to mend it; empty where nothing is
+  bool good() const { return faults.empty(); }
+};
+
+struct PhotoQualityLimits {
+  double clippedShare = 1e-3;  ///< of the sample's pixels. Higher: more highlights may be lost
+  double movedPx = 0.35;       ///< Higher: maps are blurred by so much
+  double brightness = 0.06;    ///< deviation of brightness. Higher: more drift is let through
+};
+
+/// Watches the photographs of one capture. The prediction: each of some hundred places of the sample answers
+/// a picture linearly; how is learnt from the photographs that were accepted (weights, not negative, of a
+/// Lambertian part and of three lobes about the mirror direction), and the next photograph is compared with
+/// what these say of the picture that it should show, and of those that it might show by mistake: the one
+/// before, the other phases, the window, black. Where the sample can't tell two pictures apart, neither is
+/// called wrong. Not thread-safe. Cost: set-up some 0.1 s, a photograph some ms.
+class PhotoWatch {
+ public:
+  PhotoWatch(const RigDescription& rig, const PhotoQualityLimits& limits = {});
+  ~PhotoWatch();
+  PhotoWatch(PhotoWatch&&) noexcept;
+
+  /// `photo`: linear R G B per second of exposure, black level off; `clipped`: its mask (may be empty).
+  /// `before`: what was on the glass before.
+  PhotoQuality judge(const Image& photo, const Image& clipped, const PatternSpec& asked,
+                     const std::optional<PatternSpec>& before) const;
+  /// An accepted photograph: later ones are judged with it. Window and black come first.
+  void learn(const Image& photo, const PatternSpec& pattern);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace patina
