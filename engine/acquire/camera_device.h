@@ -62,7 +62,7 @@ struct StillRequest {
 };
 
 /// One camera, opened: nobody else has it meanwhile. (The pinhole camera of geometry is `Camera`.) Threading:
-/// one thread at a time, but `stop` may be called from any.
+/// one thread at a time, but `stop` and `preview` may be called from any.
 class CameraDevice {
  public:
   virtual ~CameraDevice() = default;
@@ -86,11 +86,29 @@ class CameraDevice {
   virtual bool streaming() const = 0;
 
   /// Photographs: sets exposure and gain, and drops frames until `StillRequest::frames` of them began late
-  /// enough and have these settings by their metadata; where a device has no metadata, until its backend
-  /// vouches for the setting (see there). The default streams; a device that photographs otherwise overrides
-  /// it. Errors: those of `set` and `start`, NotFound with "unplugged", Cancelled, Refused (no frame in time,
-  /// or none with the settings).
+  /// enough and have these settings by their metadata; a backend whose device has no metadata says in them
+  /// what it vouches for. The default streams, and leaves the stream on for the next photograph (a stream of
+  /// somebody else's is ended: look on by `preview`); a device that photographs otherwise overrides it.
+  /// Errors: those of `set` and `start`, NotFound with "unplugged", Cancelled, Refused (no frame in time, or
+  /// none with the settings).
   virtual Result<std::vector<Frame>> still(const StillRequest& request, const std::stop_token& stop);
+
+  /// Also gives every frame that passes by during `still` to `sink` (on a thread of the camera's), for a live
+  /// picture; null: no more.
+  void preview(FrameSink sink);
+
+ protected:
+  /// For overrides of `still`.
+  void showPreview(const Result<Frame>& frame);
+  /// Sets what `request` asks for; what frames must have then is written back into it.
+  Status apply(StillRequest& request);
+  /// Whether a frame counts for an applied request.
+  static bool meets(const FrameMetadata& metadata, const StillRequest& request);
+
+ private:
+  std::shared_ptr<class FrameQueue> stills_;
+  std::mutex previewMutex_;
+  FrameSink preview_;
 };
 
 /// One way to cameras: a backend.
@@ -110,6 +128,7 @@ class FrameQueue {
  public:
   explicit FrameQueue(std::size_t capacity = 4) : capacity_(capacity) {}
   FrameSink sink();  ///< the queue must outlive the stream
+  void push(Result<Frame> frame);
   /// The oldest frame that is there, or the Error that ended the stream. Waits at most `timeout`; empty then.
   std::optional<Result<Frame>> next(std::chrono::milliseconds timeout, const std::stop_token& stop = {});
   /// Drops what is there.

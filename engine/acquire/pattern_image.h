@@ -9,6 +9,7 @@
 
 #include "engine/base/result.h"
 #include "engine/capture/capture.h"
+#include "engine/capture/encoding.h"
 #include "engine/image/image.h"
 #include "engine/screen/screen.h"
 

@@ -24,7 +24,7 @@ struct PhotoQuality {
   std::optional<double> expectedResidual;     ///< relative RMS of the prediction for the pattern asked for
   std::optional<double> alternativeResidual;  ///< and the smallest for another picture that may still have
                                               ///< been on the glass
-  std::string alternative;  ///< its name
+  std::string alternative;                    ///< its name
   std::vector<PhotoFault> faults;
   std::string sentence;  ///< for the person: what is wrong and how to mend it; empty where nothing is
   bool good() const { return faults.empty(); }
