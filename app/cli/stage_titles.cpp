@@ -33,7 +33,10 @@ std::string stageTitle(std::string_view stage) {
       {"residual", "Looking at what is left"},
       {"score", "Trying every effect on it"},
       {"refit", "Fitting again with the likely ones"},
-      {"report", "Writing the report"}};
+      {"report", "Writing the report"},
+      {"check", "Checking the rig"},
+      {"photograph", "Photographing"},
+      {"latency", "Measuring the screen's latency"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }

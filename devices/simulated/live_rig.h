@@ -35,14 +35,14 @@ struct LiveRigSetup {
   SensorNoise noise;         ///< shares of full scale
   double gamma = 2.2;        ///< of the screen: light = value^gamma
   double refreshHz = 60;
-  double flickerDepth = 0.3;  ///< of the backlight, a sine at the refresh rate: exposures of whole periods
-                              ///< don't see it
+  double flickerDepth = 0.3;   ///< of the backlight, a sine at the refresh rate: exposures of whole periods
+                               ///< don't see it
   double latencyMs = 35;       ///< from swap to light
   double riseMs = 4;           ///< of the liquid crystal, exponential
   double fullScaleSecond = 0;  ///< radiance that fills the sensor in one second; 0: the window's brightest
                                ///< does in a tenth of a second
-  double ambient = 0.0005;  ///< radiance of the room's light, times the surface's albedo
-  double pedestal = 0.01;   ///< black level, share of full scale
+  double ambient = 0.0005;     ///< radiance of the room's light, times the surface's albedo
+  double pedestal = 0.01;      ///< black level, share of full scale
   double leastExposureS = 1e-4, mostExposureS = 10;
   double mostGain = 16;
   int settleFrames = 2;  ///< frames until a setting acts

@@ -11,8 +11,8 @@
 
 namespace patina {
 
-enum class PhotoFault { Clipped, Shaken, WrongPattern, BrightnessOff, Black };
-/// "clipped", "shaken", "wrong pattern", "brightness off", "black".
+enum class PhotoFault { Clipped, Shaken, WrongPattern, BrightnessOff };
+/// "clipped", "shaken", "wrong pattern", "brightness off".
 std::string faultName(PhotoFault fault);
 
 /// What was seen of one photograph.
