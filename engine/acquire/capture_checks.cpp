@@ -183,8 +183,7 @@ Result<Checklist> checkRig(CameraDevice& camera, PatternDisplay& display, const 
   if (!other) return other.error();
   const Result<Image> clipped = clippedMask((*two)[0]);
   if (!clipped) return clipped.error();
-  if (!*settable) look.exposureS = (*two)[0].metadata.exposureS.value_or(0);
-  list.exposureS = look.exposureS;
+  list.exposureS = *settable ? look.exposureS : 0;
   list.gain = look.gain;
   if (one->width() != rig.camera.width || one->height() != rig.camera.height)
     return Error{ErrorCode::Invalid,

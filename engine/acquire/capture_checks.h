@@ -26,7 +26,7 @@ struct CheckItem {
 
 struct Checklist {
   std::vector<CheckItem> items;
-  double exposureS = 0;  ///< chosen: a whole number of refresh periods
+  double exposureS = 0;  ///< chosen: a whole number of refresh periods; 0: the camera's own
   double gain = 1;
   double brightest = 0;  ///< of the window photograph at that exposure, share of full scale
   bool good() const;     ///< nothing Bad
