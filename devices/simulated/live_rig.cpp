@@ -123,7 +123,7 @@ RigDescription LiveRig::description() const {
   rig.sampleWidthMm = state_->setup.sheet.widthMm;
   rig.sampleHeightMm = state_->setup.sheet.heightMm;
   rig.sampleName = state_->setup.sheet.name;
-  rig.radianceOfFullScaleSecond = state_->fullScaleSecond * (1 - state_->setup.pedestal);
+  rig.radianceOfFullScaleSecond = state_->fullScaleSecond;
   rig.screenResponse = ScreenResponse::gamma(state_->setup.gamma);
   return rig;
 }

@@ -38,30 +38,30 @@ Error tooShort(const Frame& frame) {
 
 /// One row of samples, as shares of full scale.
 void unpackRow(PixelLayout layout, const std::uint8_t* from, int width, float* to) {
+  const float scale = 1.0f / static_cast<float>((1 << bitsOf(layout)) - 1);
   const auto word = [&](int i) { return static_cast<int>(from[2 * i] | from[2 * i + 1] << 8); };
   switch (layout) {
     case PixelLayout::Bayer10:
     case PixelLayout::Bayer12:
     case PixelLayout::Bayer16:
     case PixelLayout::Grey16: {
-      const float scale = 1.0f / static_cast<float>((1 << bitsOf(layout)) - 1);
       for (int i = 0; i < width; ++i) to[i] = static_cast<float>(word(i)) * scale;
       break;
     }
     case PixelLayout::Bayer10Packed:
       for (int i = 0; i < width; ++i) {
         const std::uint8_t* group = from + i / 4 * 5;
-        to[i] = static_cast<float>(group[i % 4] << 2 | (group[4] >> (2 * (i % 4)) & 3)) / 1023.0f;
+        to[i] = static_cast<float>(group[i % 4] << 2 | (group[4] >> (2 * (i % 4)) & 3)) * scale;
       }
       break;
     case PixelLayout::Bayer12Packed:
       for (int i = 0; i < width; ++i) {
         const std::uint8_t* group = from + i / 2 * 3;
-        to[i] = static_cast<float>(group[i % 2] << 4 | (group[2] >> (4 * (i % 2)) & 15)) / 4095.0f;
+        to[i] = static_cast<float>(group[i % 2] << 4 | (group[2] >> (4 * (i % 2)) & 15)) * scale;
       }
       break;
     default:
-      for (int i = 0; i < width; ++i) to[i] = static_cast<float>(from[i]) / 255.0f;
+      for (int i = 0; i < width; ++i) to[i] = static_cast<float>(from[i]) * scale;
   }
 }
 

@@ -1,5 +1,6 @@
 #include "engine/acquire/pattern_image.h"
 
+#define XXH_INLINE_ALL
 #include <xxhash.h>
 
 #include <algorithm>

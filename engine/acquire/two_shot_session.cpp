@@ -1,5 +1,6 @@
 #include "engine/acquire/two_shot_session.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

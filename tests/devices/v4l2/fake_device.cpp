@@ -391,7 +391,8 @@ int answer(Device& d, int descriptor, unsigned long request, void* argument) {
       const Control* control = d.find(subscription->id);
       if (subscription->type != V4L2_EVENT_CTRL || !control) return EINVAL;
       d.subscribed[descriptor].insert(control->id);
-      if (subscription->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL)
+      // A class has no value to tell of.
+      if (subscription->flags & V4L2_EVENT_SUB_FL_SEND_INITIAL && control->type != V4L2_CTRL_TYPE_CTRL_CLASS)
         d.events[descriptor].push_back(eventOf(d, *control));
       return 0;
     }
