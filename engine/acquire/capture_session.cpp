@@ -5,6 +5,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "engine/acquire/capture_journal.h"
@@ -88,8 +89,11 @@ struct CaptureSession::State {
   std::string rigHash() const;
   Status writeDescription(bool complete);
   void learnFromDisk(const JobContext& job);
-  Status takeOne(std::size_t index, CameraDevice& camera, PatternDisplay& display, const Screen& screen,
-                 const JobContext& job, CaptureObserver* observer);
+  /// True: the photograph counts. False: the four phases that end with it are to be taken again.
+  Result<bool> takeOne(std::size_t index, CameraDevice& camera, PatternDisplay& display, const Screen& screen,
+                       const JobContext& job, CaptureObserver* observer);
+  Status wantAgain(std::size_t index);
+  std::map<std::size_t, int> setAttempts;  ///< by their last photograph
   struct Taken {
     Image perSecond, clipped;
     double exposureS = 0;
@@ -240,20 +244,22 @@ bool CaptureSession::isPaused() const {
   return state_->paused;
 }
 
-Status CaptureSession::retake(int photo) {
-  State& s = *state_;
-  const std::lock_guard lock(s.mutex);
-  if (photo < 0 || photo >= static_cast<int>(s.photos.size()))
-    return Error{ErrorCode::Invalid, "there is no photograph " + std::to_string(photo) + " in this capture",
-                 s.folder.string(), "name one of 0 to " + std::to_string(s.photos.size() - 1)};
-  const auto at = static_cast<std::size_t>(photo);
-  if (s.photos[at].stage == PhotoState::Stage::Waiting) return Done{};
-  if (Status written = s.journal->append({{"event", "retake"}, {"index", photo}, {"again", s.again[at] + 1}});
+Status CaptureSession::State::wantAgain(std::size_t index) {
+  const std::lock_guard lock(mutex);
+  if (!counts(index)) return Done{};
+  if (Status written = journal->append({{"event", "retake"}, {"index", index}, {"again", again[index] + 1}});
       !written)
     return written;
-  ++s.again[at];
-  s.wantedAgain[at] = true;
+  ++again[index];
+  wantedAgain[index] = true;
   return Done{};
+}
+
+Status CaptureSession::retake(int photo) {
+  if (photo < 0 || photo >= static_cast<int>(state_->photos.size()))
+    return Error{ErrorCode::Invalid, "there is no photograph " + std::to_string(photo) + " in this capture",
+                 state_->folder.string(), "name one of 0 to " + std::to_string(state_->photos.size() - 1)};
+  return state_->wantAgain(static_cast<std::size_t>(photo));
 }
 
 // ---- taking ----
@@ -301,9 +307,9 @@ Result<CaptureSession::State::Taken> CaptureSession::State::photograph(CameraDev
   return taken;
 }
 
-Status CaptureSession::State::takeOne(std::size_t index, CameraDevice& camera, PatternDisplay& display,
-                                      const Screen& screen, const JobContext& job,
-                                      CaptureObserver* observer) {
+Result<bool> CaptureSession::State::takeOne(std::size_t index, CameraDevice& camera, PatternDisplay& display,
+                                            const Screen& screen, const JobContext& job,
+                                            CaptureObserver* observer) {
   const PlannedPhoto& planned = plan.photos[index];
   const ShownPicture picture = shownPattern(planned.pattern, screen, rig.screenResponse);
   PhotoState next;
@@ -321,6 +327,12 @@ Status CaptureSession::State::takeOne(std::size_t index, CameraDevice& camera, P
     next.quality = quality;
     best = std::move(*taken);
     if (quality.good()) break;
+    if (quality.wholeSet && index >= 3 && ++setAttempts[index] < options.attempts) {
+      next.stage = PhotoState::Stage::Flawed;
+      if (observer) observer->photographed(static_cast<int>(index), best.perSecond, next, false);
+      return false;
+    }
+    if (quality.wholeSet) break;  // all four were tried often enough
     next.stage = PhotoState::Stage::Flawed;
     if (observer && attempt < options.attempts)
       observer->photographed(static_cast<int>(index), best.perSecond, next, false);
@@ -340,7 +352,7 @@ Status CaptureSession::State::takeOne(std::size_t index, CameraDevice& camera, P
           {{"units", "full scale of the camera per second"}, {"pattern", patternName(planned.pattern)}},
           true);
       !written)
-    return written;
+    return written.error();
   const Result<std::string> hash = fileHash(folder / next.file);
   if (!hash) return hash.error();
   nlohmann::json line = {{"event", "photo"},          {"index", index},
@@ -348,7 +360,7 @@ Status CaptureSession::State::takeOne(std::size_t index, CameraDevice& camera, P
                          {"again", repeat},           {"exposure_s", next.exposureS},
                          {"attempts", next.attempts}, {"pattern", patternName(planned.pattern)}};
   if (!next.quality.good()) line["fault"] = next.quality.sentence;
-  if (Status written = journal->append(line); !written) return written;
+  if (Status written = journal->append(line); !written) return written.error();
   {
     const std::lock_guard lock(mutex);
     photos[index] = next;
@@ -358,7 +370,7 @@ Status CaptureSession::State::takeOne(std::size_t index, CameraDevice& camera, P
   if (!old.empty() && old != next.file) fs::remove(folder / old, ignored);
   if (next.quality.good()) watch->learn(best.perSecond, planned.pattern);
   if (observer) observer->photographed(static_cast<int>(index), best.perSecond, next, true);
-  return Done{};
+  return true;
 }
 
 void CaptureSession::State::learnFromDisk(const JobContext& job) {
@@ -369,7 +381,8 @@ void CaptureSession::State::learnFromDisk(const JobContext& job) {
   const std::size_t step = std::max<std::size_t>(1, good.size() / kMostLearnt);
   for (std::size_t k = 0; k < good.size() && !job.cancelled(); ++k) {
     const PatternSpec& pattern = plan.photos[good[k]].pattern;
-    if (pattern.kind == PatternSpec::Kind::Sine && k % step != 0) continue;
+    // The last ones all: a set of four phases may be half done.
+    if (pattern.kind == PatternSpec::Kind::Sine && k % step != 0 && k + 4 < good.size()) continue;
     const Result<Image> image = readExr(folder / photos[good[k]].file, {"R", "G", "B"});
     if (image) watch->learn(*image, pattern);
   }
@@ -491,7 +504,14 @@ Result<CaptureSession::Outcome> CaptureSession::run(CameraDevice& camera, Patter
     }
     if (job.cancelled()) return cancelled();
     job.progress("photograph", s.taken(), total, "photos");
-    if (Status taken = s.takeOne(i, camera, display, screen, job, observer); !taken) {
+    const Result<bool> taken = s.takeOne(i, camera, display, screen, job, observer);
+    if (taken && !*taken) {
+      for (std::size_t k = i - 3; k < i; ++k)
+        if (Status asked = s.wantAgain(k); !asked) return asked.error();
+      i -= 4;  // the loop adds one
+      continue;
+    }
+    if (!taken) {
       if (taken.error().code == ErrorCode::Cancelled) return cancelled();
       // What is finished is worth a description, whatever failed; its own failure is the smaller news.
       if (const Status described = s.writeDescription(false); !described)

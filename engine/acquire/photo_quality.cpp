@@ -14,14 +14,25 @@ namespace {
 
 constexpr int kPlaces = 10;                    ///< a side, over the sample
 constexpr int kCellsX = 128, kSubsamples = 4;  ///< cells over the screen's width; samples of a pattern a cell
-constexpr std::array<double, 3> kLobes{0.05, 0.13, 0.3};  ///< sigma of the half-vector's slope
+/// Lobes: sigma of the half-vector's slope, and where they lie (relief turns normals).
+struct Lobe {
+  double sigma, x, y;
+};
+constexpr std::array<Lobe, 7> kLobes{{{0.05, 0, 0},
+                                      {0.13, 0, 0},
+                                      {0.3, 0, 0},
+                                      {0.07, 0.09, 0},
+                                      {0.07, -0.09, 0},
+                                      {0.07, 0, 0.09},
+                                      {0.07, 0, -0.09}}};
 constexpr int kParts = 1 + static_cast<int>(kLobes.size());
 constexpr double kRidge = 2e-2;  ///< of the weights towards equal ones: what few photographs can't tell
 constexpr int kFewPatterns = 8;  ///< before that brightness can't be predicted
 constexpr double kPlain = 0.1;   ///< relative residual below which a prediction is good whatever others say
 constexpr double kFarBetter =
-    0.45;                       ///< another picture explains the photograph so much better that it is the one
-constexpr double kDark = 0.04;  ///< of the window: a photograph that dark is black
+    0.45;  ///< another picture explains the photograph so much better that it is the one
+constexpr double kNotBlack = 0.4;  ///< of the window's light: no room that passed the checklist gives so much
+constexpr double kDark = 0.04;     ///< of the window: a photograph that dark is black
 
 using Weights = Eigen::Matrix<double, kParts, 1>;
 using Products = Eigen::Matrix<double, kParts, kParts>;
@@ -79,6 +90,10 @@ struct PhotoWatch::State {
   Image windowPhoto;
   bool hasWindow = false, hasBlack = false;
   int learnt = 0;
+  // The phases of the frequency at hand that were accepted.
+  Eigen::Vector2i frequency = Eigen::Vector2i::Zero();
+  std::array<bool, 4> phases{};
+  Image sum;  ///< of them, grey
   double brightnessSquares = 0;
   int brightnessCount = 0;
   mutable std::map<std::string, Eigen::VectorXf> patterns;  ///< by name, cell means
@@ -138,6 +153,19 @@ struct PhotoWatch::State {
   }
 };
 
+namespace {
+
+void add(Image& sum, const Image& photo) {
+  for (int y = 0; y < sum.height(); ++y)
+    for (int x = 0; x < sum.width(); ++x) {
+      float grey = 0;
+      for (const float sample : photo.pixel(x, y)) grey += sample;
+      sum.at(x, y) += grey / static_cast<float>(photo.channels());
+    }
+}
+
+}  // namespace
+
 PhotoWatch::PhotoWatch(const RigDescription& rig, const PhotoQualityLimits& limits)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
@@ -194,10 +222,14 @@ PhotoWatch::PhotoWatch(const RigDescription& rig, const PhotoQualityLimits& limi
           }
           const int cell = cy * s.cellsX + cx;
           place.kernels(0, cell) = static_cast<float>(base);
-          const double slope2 = (sum.x() * sum.x() + sum.y() * sum.y()) / (sum.z() * sum.z());
-          for (std::size_t k = 0; k < kLobes.size(); ++k)
+          const double slopeX = sum.x() / sum.z(), slopeY = sum.y() / sum.z();
+          for (std::size_t k = 0; k < kLobes.size(); ++k) {
+            const Lobe& lobe = kLobes[k];
+            const double slope2 =
+                (slopeX - lobe.x) * (slopeX - lobe.x) + (slopeY - lobe.y) * (slopeY - lobe.y);
             place.kernels(static_cast<int>(k) + 1, cell) =
-                static_cast<float>(base / toLight.z() * std::exp(-0.5 * slope2 / (kLobes[k] * kLobes[k])));
+                static_cast<float>(base / toLight.z() * std::exp(-0.5 * slope2 / (lobe.sigma * lobe.sigma)));
+          }
         }
       for (int part = 0; part < kParts; ++part) {
         const float total = place.kernels.row(part).dot(window);
@@ -226,6 +258,15 @@ void PhotoWatch::learn(const Image& photo, const PatternSpec& pattern) {
     return;
   }
   if (!s.hasWindow || !s.hasBlack || pattern.kind == PatternSpec::Kind::Black) return;
+  if (pattern.kind == PatternSpec::Kind::Sine) {
+    if (pattern.frequency != s.frequency || pattern.phase == 0) {
+      s.frequency = pattern.frequency;
+      s.phases = {};
+      s.sum = Image(photo.width(), photo.height(), 1);
+    }
+    if (!s.phases[static_cast<std::size_t>(pattern.phase)]) add(s.sum, photo);
+    s.phases[static_cast<std::size_t>(pattern.phase)] = true;
+  }
   if (s.learnt >= kFewPatterns && !window) {
     const State::Match match = s.match(photo, pattern);
     s.brightnessSquares += (match.brightness - 1) * (match.brightness - 1);
@@ -265,21 +306,60 @@ PhotoQuality PhotoWatch::judge(const Image& photo, const Image& clipped, const P
                 " of the sample is brighter than the camera can hold: shorten the exposure.");
   }
   const bool same = photo.width() == s.windowPhoto.width() && photo.height() == s.windowPhoto.height();
-  if (s.hasWindow && same && asked.kind != PatternSpec::Kind::Black) {
-    const PictureShift shift = pictureShift(s.windowPhoto, photo, s.mask);
-    if (shift.uncertaintyPx < 0.5 * s.limits.movedPx) {
-      quality.movedPx = shift.px.norm();
-      if (*quality.movedPx > s.limits.movedPx && *quality.movedPx > 5 * shift.uncertaintyPx) {
-        char text[160];
-        std::snprintf(
-            text, sizeof text,
-            "The picture has moved by %.1f pixels: nothing may touch the table, the camera or the sample.",
-            *quality.movedPx);
-        fault(PhotoFault::Shaken, text);
-      }
+  const bool dark = asked.kind == PatternSpec::Kind::Black;
+  if (dark && s.hasWindow && same) {
+    double black = 0, window = 0;
+    for (const Place& place : s.places)
+      black += s.valueAt(photo, place), window += s.valueAt(s.windowPhoto, place);
+    if (black > kNotBlack * window)
+      fault(PhotoFault::WrongPattern,
+            "With the screen black the sample is " + percent(black / window) +
+                " as bright as under the window: the screen shows something else, or the room is lit.");
+  }
+  const auto moved = [&](const PictureShift& shift) {
+    if (!(shift.uncertaintyPx < 0.5 * s.limits.movedPx)) return false;
+    quality.movedPx = shift.px.norm();
+    if (!(*quality.movedPx > s.limits.movedPx && *quality.movedPx > 5 * shift.uncertaintyPx)) return false;
+    char text[160];
+    std::snprintf(
+        text, sizeof text,
+        "The picture has moved by %.1f pixels: nothing may touch the table, the camera or the sample.",
+        *quality.movedPx);
+    fault(PhotoFault::Shaken, text);
+    return true;
+  };
+  if (s.hasWindow && same && !dark) moved(pictureShift(s.windowPhoto, photo, s.mask));
+  if (!s.hasWindow || !s.hasBlack || !same || dark) return quality;
+
+  const bool last = asked.kind == PatternSpec::Kind::Sine && asked.phase == 3 &&
+                    asked.frequency == s.frequency && s.phases[0] && s.phases[1] && s.phases[2] &&
+                    !s.phases[3];
+  if (last && quality.faults.empty()) {
+    Image sum = s.sum;
+    add(sum, photo);
+    quality.wholeSet = moved(pictureShift(s.windowPhoto, sum, s.mask));
+    double seen = 0, predicted = 0;
+    Eigen::VectorXf all = Eigen::VectorXf::Zero(s.cellsX * s.cellsY);
+    for (int phase = 0; phase < 4; ++phase) {
+      PatternSpec one = asked;
+      one.phase = phase;
+      all += s.cellMeans(one);
+    }
+    for (const Place& place : s.places) {
+      if (!s.usable(place)) continue;
+      seen += (s.valueAt(sum, place) - 4 * place.black) / place.window;
+      predicted += (place.kernels * all).cast<double>().dot(place.weights);
+    }
+    if (predicted > 0) quality.setBrightness = seen / predicted;
+    if (quality.setBrightness && std::abs(*quality.setBrightness - 1) > s.limits.setBrightness) {
+      fault(PhotoFault::BrightnessOff,
+            "The four photographs of this frequency are together " +
+                percent(std::abs(*quality.setBrightness - 1)) +
+                (*quality.setBrightness > 1 ? " brighter" : " darker") +
+                " than they must be: did the room's light or the screen's brightness change?");
+      quality.wholeSet = true;
     }
   }
-  if (!s.hasWindow || !s.hasBlack || !same) return quality;
 
   const State::Match expected = s.match(photo, asked);
   quality.expectedResidual = expected.residual;
@@ -304,16 +384,19 @@ PhotoQuality PhotoWatch::judge(const Image& photo, const Image& clipped, const P
     quality.alternativeResidual = match.residual;
     quality.alternative = patternName(other);
   }
-  const bool dark = asked.kind == PatternSpec::Kind::Black;
   if (expected.residual > kPlain && quality.alternativeResidual &&
       *quality.alternativeResidual < kFarBetter * expected.residual) {
     fault(PhotoFault::WrongPattern,
           "The photograph shows " + quality.alternative + " instead of " + patternName(asked) +
               ": the screen was later than its measured latency. Measure the latency again.");
-  } else if (!dark && s.learnt >= kFewPatterns) {
+  } else if (s.learnt >= kFewPatterns) {
     quality.brightness = expected.brightness;
+    // Of the window again all is known.
+    const bool again = asked.kind == PatternSpec::Kind::Window;
+    const double limit = again ? s.limits.setBrightness : s.limits.brightness;
     const double usual = std::sqrt(s.brightnessSquares / std::max(1, s.brightnessCount));
-    if (std::abs(expected.brightness - 1) > std::max(s.limits.brightness, 4 * usual))
+    if (quality.faults.empty() &&
+        std::abs(expected.brightness - 1) > (again ? limit : std::max(limit, 4 * usual)))
       fault(PhotoFault::BrightnessOff,
             "The photograph is " + percent(std::abs(expected.brightness - 1)) +
                 (expected.brightness > 1 ? " brighter" : " darker") +

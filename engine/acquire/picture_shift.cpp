@@ -83,27 +83,35 @@ PictureShift pictureShift(const Image& reference, const Image& photo, const Imag
     }
   const Image r = minus(difference, boxMean(difference, kSmoothReach));
   const Image hx = minus(gx, boxMean(gx, kSmoothReach)), hy = minus(gy, boxMean(gy, kSmoothReach));
-  Eigen::Matrix2d products = Eigen::Matrix2d::Zero();
-  Eigen::Vector2d right = Eigen::Vector2d::Zero();
-  double squares = 0, count = 0;
-  for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x) {
-      if (!wellInside(mask, width, height, x, y, kSmoothReach + 1)) continue;
-      const Eigen::Vector2d g(hx.at(x, y), hy.at(x, y));
-      products += g * g.transpose();
-      right += g * r.at(x, y);
-      squares += static_cast<double>(r.at(x, y)) * r.at(x, y);
-      ++count;
-    }
-  // Without texture the products are rounding.
-  if (count < 50 || products.determinant() <= 1e-12 * products.trace() * products.trace() ||
-      products.trace() < 1e-12)
-    return shift;
-  shift.px = -(products.inverse() * right);
-  const double residual = std::max(0.0, squares + right.dot(shift.px)) / count;
-  // Residuals of neighbours are alike: what a shift's worth of them counts as is a few pixels each.
-  constexpr double kAlike = 9;
-  shift.uncertaintyPx = std::sqrt(kAlike * residual * products.inverse().diagonal().maxCoeff());
+  // Least squares, twice more with what fits badly (highlights that the light moved) counting less.
+  constexpr int kRounds = 3;
+  constexpr double kOutlier = 1.5;  // of the residual's root mean square; Huber's weights beyond
+  constexpr double kAlike = 9;      // residuals of neighbours are alike: a stretch of nine counts as one
+  double scale = 1e9;
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::Matrix2d products = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d right = Eigen::Vector2d::Zero();
+    double squares = 0, count = 0;
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) {
+        if (!wellInside(mask, width, height, x, y, kSmoothReach + 1)) continue;
+        const Eigen::Vector2d g(hx.at(x, y), hy.at(x, y));
+        const double miss = std::abs(r.at(x, y) + g.dot(shift.px));
+        const double weight = miss > kOutlier * scale ? kOutlier * scale / miss : 1.0;
+        products += weight * g * g.transpose();
+        right += weight * g * r.at(x, y);
+        squares += weight * r.at(x, y) * r.at(x, y);
+        count += weight;
+      }
+    // Without texture the products are rounding.
+    if (count < 50 || products.trace() < 1e-12 ||
+        products.determinant() <= 1e-12 * products.trace() * products.trace())
+      return PictureShift{};
+    shift.px = -(products.inverse() * right);
+    const double residual = std::max(0.0, squares + right.dot(shift.px)) / count;
+    scale = std::sqrt(residual);
+    shift.uncertaintyPx = std::sqrt(kAlike * residual * products.inverse().diagonal().maxCoeff());
+  }
   return shift;
 }
 
