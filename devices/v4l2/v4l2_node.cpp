@@ -14,7 +14,7 @@
 namespace patina::v4l2 {
 namespace {
 
-constexpr int kMostDevices = 64;
+constexpr int kMostDevices = 128;
 
 }  // namespace
 

@@ -69,7 +69,19 @@ int number(const char* key, int fallback) {
   return at == std::string::npos ? fallback : atoi(all.c_str() + at + strlen(key) + 2);
 }
 
-Device::Device() : format(kFormats[0]), size(kSizes[0]) {
+Device::Device() {
+  reset();
+}
+
+void Device::reset() {
+  format = kFormats[0];
+  size = kSizes[0];
+  sequence = delivered = 0;
+  pending.clear();
+  subscribed.clear();
+  events.clear();
+  eventNumber.clear();
+  priorities.clear();
   const bool old = said("old-exposure");
   controls = {
       {V4L2_CID_BRIGHTNESS, V4L2_CTRL_TYPE_INTEGER, "Brightness", 0, 255, 1, 128, 128},

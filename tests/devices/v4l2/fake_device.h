@@ -68,6 +68,8 @@ struct Device {
   unsigned intervalNumerator = 1, intervalDenominator = 100;
 
   Device();
+  /// As if it had just been plugged in.
+  void reset();
   Control* find(std::uint32_t id) {
     for (Control& control : controls)
       if (control.id == id) return &control;

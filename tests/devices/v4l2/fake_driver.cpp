@@ -93,6 +93,7 @@ int answerCaller(int descriptor, unsigned long request, void* argument) {
 int openFake(int flags) {
   Device& d = device();
   const std::lock_guard lock(d.mutex);
+  if (d.descriptors.empty() && !d.unplugged()) d.reset();
   if (d.unplugged()) return fail(ENODEV);
   // A timer: select, epoll, dup and close understand it by themselves.
   const int descriptor = timerfd_create(CLOCK_MONOTONIC, flags & O_CLOEXEC ? TFD_CLOEXEC : 0);
