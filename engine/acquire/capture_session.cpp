@@ -88,7 +88,7 @@ struct CaptureSession::State {
   Status readJournal();
   std::string rigHash() const;
   Status writeDescription(bool complete);
-  void learnFromDisk(const JobContext& job);
+  void learnFromDisk(const Screen& screen, const JobContext& job);
   /// True: the photograph counts. False: the four phases that end with it are to be taken again.
   Result<bool> takeOne(std::size_t index, CameraDevice& camera, PatternDisplay& display, const Screen& screen,
                        const JobContext& job, CaptureObserver* observer);
@@ -373,8 +373,10 @@ Result<bool> CaptureSession::State::takeOne(std::size_t index, CameraDevice& cam
   return true;
 }
 
-void CaptureSession::State::learnFromDisk(const JobContext& job) {
-  watch.emplace(rig, options.limits);
+void CaptureSession::State::learnFromDisk(const Screen& screen, const JobContext& job) {
+  RigDescription used = rig;
+  used.screen = screen;
+  watch.emplace(used, options.limits);
   std::vector<std::size_t> good;
   for (std::size_t i = 0; i < photos.size(); ++i)
     if (photos[i].stage == PhotoState::Stage::Taken) good.push_back(i);
@@ -489,7 +491,7 @@ Result<CaptureSession::Outcome> CaptureSession::run(CameraDevice& camera, Patter
     if (Status written = s.journal->append(begin); !written) return written.error();
     s.begun = true;
   }
-  s.learnFromDisk(job);
+  s.learnFromDisk(screen, job);
   s.onGlass.reset();
   const auto total = static_cast<std::int64_t>(s.photos.size());
   for (std::size_t i = 0; i < s.photos.size(); ++i) {

@@ -67,21 +67,26 @@ Image patternImage(const PatternSpec& spec, const Screen& screen) {
     default:
       break;
   }
-  const bool sine = spec.kind == PatternSpec::Kind::Sine;
-  std::vector<double> windowX(static_cast<std::size_t>(width)), xs(windowX.size());
+  const bool isSine = spec.kind == PatternSpec::Kind::Sine;
+  // sin(a + b) from the sines and cosines of columns and rows: a large screen has millions of pixels.
+  const double offset = spec.phase * 0.5 * std::numbers::pi;
+  struct Column {
+    double window, sine, cosine;
+  };
+  std::vector<Column> columns;
   for (int i = 0; i < width; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    xs[at] = half.x() * ((2.0 * i + 1) / width - 1);
-    windowX[at] = std::exp(-0.5 * std::pow(xs[at] / screen.windowSigma.x(), 2));
+    const double x = half.x() * ((2.0 * i + 1) / width - 1), wave = spec.frequency.x() * x;
+    columns.push_back(
+        {std::exp(-0.5 * std::pow(x / screen.windowSigma.x(), 2)), std::sin(wave), std::cos(wave)});
   }
   for (int j = 0; j < height; ++j) {
-    const double y = half.y() * (1 - (2.0 * j + 1) / height);
+    const double y = half.y() * (1 - (2.0 * j + 1) / height), wave = spec.frequency.y() * y + offset;
     const double windowY = std::exp(-0.5 * std::pow(y / screen.windowSigma.y(), 2));
-    const double offset = spec.frequency.y() * y + spec.phase * 0.5 * std::numbers::pi;
+    const double sine = std::sin(wave), cosine = std::cos(wave);
     for (int i = 0; i < width; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      const double wave = sine ? std::max(0.0, std::sin(spec.frequency.x() * xs[at] + offset)) : 1.0;
-      image.at(i, j) = static_cast<float>(windowX[at] * windowY * wave);
+      const Column& column = columns[static_cast<std::size_t>(i)];
+      const double value = isSine ? std::max(0.0, column.sine * cosine + column.cosine * sine) : 1.0;
+      image.at(i, j) = static_cast<float>(column.window * windowY * value);
     }
   }
   return image;

@@ -12,8 +12,8 @@
 namespace patina {
 namespace {
 
-constexpr int kPlaces = 10;                    ///< a side, over the sample
-constexpr int kCellsX = 128, kSubsamples = 4;  ///< cells over the screen's width; samples of a pattern a cell
+constexpr int kPlaces = 10;   ///< a side, over the sample
+constexpr int kCellsX = 128;  ///< cells over the screen's width, at most
 /// Lobes: sigma of the half-vector's slope, and where they lie (relief turns normals).
 struct Lobe {
   double sigma, x, y;
@@ -83,7 +83,6 @@ std::string faultName(PhotoFault fault) {
 struct PhotoWatch::State {
   RigDescription rig;
   PhotoQualityLimits limits;
-  Screen cells;  ///< the screen with few pixels, for patterns
   int cellsX = 0, cellsY = 0;
   std::vector<Place> places;
   Image mask;  ///< of the sample
@@ -102,11 +101,16 @@ struct PhotoWatch::State {
     const std::string name = patternName(spec);
     if (const auto found = patterns.find(name); found != patterns.end()) return found->second;
     if (patterns.size() > 64) patterns.clear();
-    const Image image = patternImage(spec, cells);
-    Eigen::VectorXf means = Eigen::VectorXf::Zero(cellsX * cellsY);
+    // From the screen's own pixels: where they are few a pattern's sum isn't that of its formula.
+    const Image image = patternImage(spec, rig.screen);
+    Eigen::VectorXf means = Eigen::VectorXf::Zero(cellsX * cellsY), counts = means;
     for (int y = 0; y < image.height(); ++y)
-      for (int x = 0; x < image.width(); ++x)
-        means[y / kSubsamples * cellsX + x / kSubsamples] += image.at(x, y) / (kSubsamples * kSubsamples);
+      for (int x = 0; x < image.width(); ++x) {
+        const int cell = y * cellsY / image.height() * cellsX + x * cellsX / image.width();
+        means[cell] += image.at(x, y);
+        counts[cell] += 1;
+      }
+    means = means.cwiseQuotient(counts.cwiseMax(1));
     return patterns.emplace(name, std::move(means)).first->second;
   }
   Weights features(const Place& place, const PatternSpec& spec) const {
@@ -171,11 +175,10 @@ PhotoWatch::PhotoWatch(const RigDescription& rig, const PhotoQualityLimits& limi
   State& s = *state_;
   s.rig = rig;
   s.limits = limits;
-  s.cells = rig.screen;
-  s.cellsX = kCellsX;
-  s.cellsY = std::max(1, static_cast<int>(std::lround(kCellsX / rig.screen.aspect())));
-  s.cells.widthPx = s.cellsX * kSubsamples;
-  s.cells.heightPx = s.cellsY * kSubsamples;
+  // Whole pixels a cell, as far as they divide.
+  const int pixelsEach = std::max(1, (rig.screen.widthPx + kCellsX - 1) / kCellsX);
+  s.cellsX = std::max(1, rig.screen.widthPx / pixelsEach);
+  s.cellsY = std::max(1, rig.screen.heightPx / pixelsEach);
   const Camera& camera = rig.camera;
   s.mask = Image(camera.width, camera.height, 1);
   for (int y = 0; y < camera.height; ++y)

@@ -23,7 +23,7 @@ struct PhotoQuality {
   std::optional<double> expectedResidual;  ///< relative RMS of the prediction for the pattern asked for
   std::optional<double> alternativeResidual;  ///< and the smallest for another picture that may still have
                                               ///< been on the glass
-  std::string alternative;  ///< its name
+  std::string alternative;                    ///< its name
   std::optional<double>
       setBrightness;  ///< of four phases together, with the last of them: over what they must add up to
   std::vector<PhotoFault> faults;
@@ -55,6 +55,7 @@ struct PhotoQualityLimits {
 /// Not thread-safe. Cost: set-up some 0.2 s, a photograph some ten ms.
 class PhotoWatch {
  public:
+  /// `rig.screen` with the pixels of the screen that is really used.
   PhotoWatch(const RigDescription& rig, const PhotoQualityLimits& limits = {});
   ~PhotoWatch();
   PhotoWatch(PhotoWatch&&) noexcept;

@@ -48,10 +48,6 @@ void add(std::vector<std::uint8_t>& bytes, const void* from, std::size_t size) {
 /// 1/50 s.
 void writeDng(const fs::path& file, int width, int height, const std::vector<std::uint16_t>& samples) {
   TIFF* tiff = TIFFOpen(file.c_str(), "w");
-  static const TIFFFieldInfo kFields[] = {
-      {33421, 2, 2, TIFF_SHORT, FIELD_CUSTOM, 1, 0, const_cast<char*>("CFARepeatPatternDim")},
-      {33422, 4, 4, TIFF_BYTE, FIELD_CUSTOM, 1, 0, const_cast<char*>("CFAPattern")}};
-  TIFFMergeFieldInfo(tiff, kFields, 2);
   TIFFSetField(tiff, TIFFTAG_SUBFILETYPE, 0);
   TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, width);
   TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, height);
@@ -67,9 +63,9 @@ void writeDng(const fs::path& file, int width, int height, const std::vector<std
   const std::uint8_t version[4] = {1, 4, 0, 0};
   TIFFSetField(tiff, TIFFTAG_DNGVERSION, version);
   const std::uint16_t repeat[2] = {2, 2};
-  TIFFSetField(tiff, 33421, repeat);
+  TIFFSetField(tiff, TIFFTAG_CFAREPEATPATTERNDIM, repeat);
   const std::uint8_t pattern[4] = {0, 1, 1, 2};
-  TIFFSetField(tiff, 33422, pattern);
+  TIFFSetField(tiff, TIFFTAG_CFAPATTERN, 4, pattern);
   const float black[4] = {256, 256, 256, 256};
   const std::uint16_t blackRepeat[2] = {2, 2};
   TIFFSetField(tiff, TIFFTAG_BLACKLEVELREPEATDIM, blackRepeat);
