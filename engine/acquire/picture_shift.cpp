@@ -73,8 +73,9 @@ PictureShift pictureShift(const Image& reference, const Image& photo, const Imag
   PictureShift shift;
   const int width = reference.width(), height = reference.height();
   if (photo.width() != width || photo.height() != height || width < 16 || height < 16) return shift;
-  const Image logReference = logOf(greyOf(reference), mask);
-  const Image difference = minus(logOf(greyOf(photo), mask), logReference);
+  // A little smoothed, both: differences of neighbours are too flat for the finest texture.
+  const Image logReference = boxMean(logOf(greyOf(reference), mask), 1);
+  const Image difference = minus(boxMean(logOf(greyOf(photo), mask), 1), logReference);
   Image gx(width, height, 1), gy(width, height, 1);
   for (int y = 1; y + 1 < height; ++y)
     for (int x = 1; x + 1 < width; ++x) {
