@@ -110,6 +110,17 @@ Status CaptureJournal::append(const nlohmann::json& line) {
   return Done{};
 }
 
+void removeHalfWritten(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  std::vector<std::filesystem::path> leftovers;
+  for (std::filesystem::directory_iterator it(folder, ignored), end; !ignored && it != end;
+       it.increment(ignored)) {
+    const std::string name = it->path().filename().string();
+    if (name.front() == '.' && name.find(".partial-") != std::string::npos) leftovers.push_back(it->path());
+  }
+  for (const std::filesystem::path& file : leftovers) std::filesystem::remove(file, ignored);
+}
+
 Result<std::string> fileHash(const std::filesystem::path& file) {
   const Result<std::string> bytes = readFile(file, kMaxImageFileBytes);
   if (!bytes) return bytes.error();

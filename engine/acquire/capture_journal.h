@@ -35,6 +35,10 @@ class CaptureJournal {
   std::vector<nlohmann::json> lines_;
 };
 
+/// Removes what a killed process left half written (hidden neighbours of `writeFileAtomically`) in a folder,
+/// not below it. For folders that are one capture's own.
+void removeHalfWritten(const std::filesystem::path& folder);
+
 /// Hash of a file's bytes, as 16 hexadecimal digits (XXH3, 64 bits). Errors: as `readFile`.
 Result<std::string> fileHash(const std::filesystem::path& file);
 

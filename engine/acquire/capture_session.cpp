@@ -197,6 +197,8 @@ Result<std::unique_ptr<CaptureSession>> CaptureSession::open(const fs::path& fol
   if (code)
     return Error{ErrorCode::WriteFailed, "the capture's folder can't be made: " + code.message(),
                  folder.string(), "choose a folder that you may write to"};
+  removeHalfWritten(folder);
+  removeHalfWritten(folder / "photos");
   auto state = std::make_unique<State>();
   state->folder = folder;
   state->rig = rig;

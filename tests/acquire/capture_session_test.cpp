@@ -163,6 +163,8 @@ TEST(CaptureSession, APhotographWhoseFileWasHarmedIsTakenAgain) {
   capture(live, folder / "bundle", smallCapture());
   const auto before = contentOf(folder / "bundle");
   fs::remove(folder / "bundle" / "photos" / "photo_004.exr");
+  test::writeText(folder / "bundle" / "photos" / ".photo_005.exr.partial-12-34-5",
+                  "what a killed process leaves");
   std::string bytes = test::readText(folder / "bundle" / "photos" / "photo_007.exr");
   bytes[bytes.size() / 2] ^= 1;
   test::writeText(folder / "bundle" / "photos" / "photo_007.exr", bytes);
