@@ -79,6 +79,7 @@ int runProgram(int argc, char** argv) {
 #ifdef PATINA_HAS_DEMO
   addDemoVerb(program, context);
 #endif
+  addCaptureVerb(program, context);
   addFitVerb(program, context);
 #ifdef PATINA_HAS_EXPLAIN
   addExplainVerb(program, context);

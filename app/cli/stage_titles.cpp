@@ -34,7 +34,10 @@ std::string stageTitle(std::string_view stage) {
       {"score", "Trying every effect on it"},
       {"refit", "Fitting again with the likely ones"},
       {"correct", "Taking out what was found"},
-      {"report", "Writing the report"}};
+      {"report", "Writing the report"},
+      {"check", "Checking the rig"},
+      {"photograph", "Photographing"},
+      {"latency", "Measuring the screen's latency"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }

@@ -49,6 +49,7 @@ void addFitVerb(CLI::App& program, Context& context);
 void addExplainVerb(CLI::App& program, Context& context);  // explain.cpp
 void addBrdfVerb(CLI::App& program, Context& context);     // brdf.cpp
 void addDemoVerb(CLI::App& program, Context& context);     // demo.cpp
+void addCaptureVerb(CLI::App& program, Context& context);  // capture.cpp
 void addPlanVerb(CLI::App& program, Context& context);
 void addExpectVerb(CLI::App& program, Context& context);
 void addBasisVerb(CLI::App& program, Context& context);

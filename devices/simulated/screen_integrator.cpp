@@ -10,27 +10,14 @@
 #include <numbers>
 
 #include "devices/simulated/shown_pattern.h"
+#include "devices/simulated/spline_levels.h"
 
 namespace patina {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kCoarsestSpacing = 0.25;  ///< pattern units; the screen is 2 pi wide
-constexpr int kFinestLevel =
-    6;  ///< spacing 0.0039: about a pixel of a full-HD screen; finer patterns don't exist there
 constexpr double kMostBytes = 512e6;  ///< of one level's sums; the usual 166 photographs reach level 5
 constexpr int kBumpSamples = 128;
-
-/// The four cubic B-splines that touch a point at `t` in 0..1 between nodes 1 and 2 of the four.
-std::array<float, 4> cubicBasis(double t) {
-  const double s = 1 - t;
-  return {static_cast<float>(s * s * s / 6), static_cast<float>((3 * t * t * t - 6 * t * t + 4) / 6),
-          static_cast<float>((3 * s * s * s - 6 * s * s + 4) / 6), static_cast<float>(t * t * t / 6)};
-}
-
-double spacingOf(int level) {
-  return kCoarsestSpacing / static_cast<double>(1 << level);
-}
 
 }  // namespace
 

@@ -76,6 +76,19 @@ class ScreenIntegrator {
   };
   void respond(const std::vector<Query>& group, GroupResponse& out) const;
 
+  /// What multiplies the light of the screen at the nodes of one level, for one term of a point.
+  struct NodeKernel {
+    int level = 0;
+    int x0 = 0, y0 = 0, width = 0, height = 0;  ///< nodes, from (x0, y0) on
+    bool resolved = true;                       ///< false: narrower than the finest grid resolves
+    std::vector<float> values;                  ///< per pattern unit squared; row-major
+  };
+  /// A term's kernel; `values` empty where it doesn't reach the screen. Needs no `prepare`. Thread-safe.
+  NodeKernel kernelOf(const Query& query, const SurfacePart& part) const;
+  /// The nodes on which any BRDF that varies over `smoothRad` of the half-vector's angle is sampled finely
+  /// enough, over the whole screen; no values.
+  NodeKernel nodesFor(const Query& query, double smoothRad) const;
+
  private:
   /// A rectangle of nodes, inclusive, and the level that it lives on.
   struct Patch {

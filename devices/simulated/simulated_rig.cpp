@@ -124,19 +124,6 @@ std::vector<std::string> SimulatedRig::validate() const {
   return problems;
 }
 
-std::vector<Eigen::Vector2i> SimulatedCaptureOptions::paperFrequencies() {
-  std::vector<Eigen::Vector2i> list;
-  for (int w : {1, 2, 3, 4, 6, 10, 20, 40})
-    for (const Eigen::Vector2i& f :
-         {Eigen::Vector2i(w, 0), Eigen::Vector2i(0, w), Eigen::Vector2i(w, w), Eigen::Vector2i(w, -w)})
-      list.push_back(f);
-  return list;
-}
-
-std::vector<Eigen::Vector2i> SimulatedCaptureOptions::defaultHeldOutFrequencies() {
-  return {{5, 0}, {0, 5}, {8, 8}, {8, -8}, {14, 0}, {0, 14}, {3, 1}, {7, 3}, {12, -5}};
-}
-
 // ---- the store of noise-free photographs ----
 
 // Pages of an unlinked file beside the other temporary files: a megapixel capture is 2 GB, which the system

@@ -11,6 +11,7 @@
 #include "devices/simulated/simulated_effects.h"
 #include "devices/simulated/simulated_sensor.h"
 #include "devices/simulated/simulated_sheet.h"
+#include "engine/acquire/capture_plan.h"
 #include "engine/base/job.h"
 #include "engine/base/result.h"
 #include "engine/capture/capture.h"
@@ -53,12 +54,7 @@ struct SimulatedCaptureOptions {
   bool writeTruth = false;   ///< also truth/, for tests; a fit never reads it
   int truthSize = 0;         ///< longest side of the truth maps; 0: the camera's longer side
   std::vector<Eigen::Vector2i> fitted = paperFrequencies();
-  std::vector<Eigen::Vector2i> heldOut = defaultHeldOutFrequencies();
-
-  /// The paper's set: 1, 2, 3, 4, 6, 10, 20, 40 along both axes and both diagonals.
-  static std::vector<Eigen::Vector2i> paperFrequencies();
-  /// Nine between and beside them, to measure the error of prediction.
-  static std::vector<Eigen::Vector2i> defaultHeldOutFrequencies();
+  std::vector<Eigen::Vector2i> heldOut = heldOutFrequencies();
 };
 
 struct SimulatedCaptureReport {

@@ -26,10 +26,10 @@ const std::map<std::string, std::set<std::string>> kMayEnter = {
 // Rooms of engine/, in the order in which a photograph walks through them. A room includes itself and rooms
 // of a lower number.
 const std::map<std::string, int> kEngineOrder = {
-    {"base", 0},    {"image", 1},       {"geometry", 2}, {"effect", 1},  {"screen", 3},
-    {"light", 3},   {"brdf", 3},        {"surface", 4},  {"lens", 5},    {"sensor", 6},
-    {"capture", 7}, {"calibration", 8}, {"fourier", 8},  {"twoshot", 8}, {"flash", 8},
-    {"render", 9},  {"diagnosis", 10},  {"export", 10},  {"report", 11},
+    {"base", 0},    {"image", 1},       {"geometry", 2},   {"effect", 1},  {"screen", 3},
+    {"light", 3},   {"brdf", 3},        {"surface", 4},    {"lens", 5},    {"sensor", 6},
+    {"capture", 7}, {"calibration", 8}, {"fourier", 8},    {"twoshot", 8}, {"flash", 8},
+    {"render", 9},  {"acquire", 9},     {"diagnosis", 10}, {"export", 10}, {"report", 11},
 };
 
 // Libraries by the shape of their header names.
@@ -43,6 +43,7 @@ enum class Library {
   Tbb,
   Json,
   Png,
+  Jpeg,
   Blas,
   Hash,
   OpenCv,
@@ -52,6 +53,7 @@ enum class Library {
   Qt5,
   Vtk,
   Camera,
+  Photo,
   CommandLine,
   Testing,
   Unknown
@@ -69,6 +71,8 @@ const std::vector<std::pair<Library, std::regex>>& librarySignatures() {
         {Library::Tbb, pattern("^(tbb|oneapi)/.*")},
         {Library::Json, pattern("^nlohmann/.*")},
         {Library::Png, pattern("^png\\.h$")},
+        {Library::Jpeg, pattern("^jpeglib\\.h$")},
+        {Library::Photo, pattern("^(libraw/.*|tiffio\\.h)$")},
         {Library::Blas, pattern("^cblas\\.h$")},
         {Library::Hash, pattern("^xxhash\\.h$")},
         {Library::OpenCvWindow,
@@ -101,13 +105,14 @@ Library libraryOf(const std::string& header) {
 const std::map<std::string, std::set<Library>>& mayKnow() {
   using enum Library;
   static const std::map<std::string, std::set<Library>> table = {
-      {"engine", {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv}},
-      {"devices", {Standard, System, Eigen, Tbb, Json, Camera, QtWithModule}},
+      {"engine",
+       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Jpeg, Blas, Hash, OpenCv}},
+      {"devices", {Standard, System, Eigen, Tbb, Json, Camera, Photo, QtWithModule}},
       {"widgets", {Standard, System, Eigen, Qt, QtWithModule, Vtk}},
       {"app", {Standard, System, Eigen, Tbb, Json, Qt, QtWithModule, Vtk, CommandLine}},
       {"tests",
-       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv, Qt,
-        QtWithModule, Vtk, Camera, CommandLine, Testing}},
+       {Standard, System, Eigen,  Ceres, OpenExr,      Highway, Tbb,    Json,  Png,         Jpeg,
+        Blas,     Hash,   OpenCv, Qt,    QtWithModule, Vtk,     Camera, Photo, CommandLine, Testing}},
   };
   return table;
 }
