@@ -43,6 +43,7 @@ enum class Library {
   Tbb,
   Json,
   Png,
+  Jpeg,
   Blas,
   Hash,
   OpenCv,
@@ -69,6 +70,7 @@ const std::vector<std::pair<Library, std::regex>>& librarySignatures() {
         {Library::Tbb, pattern("^(tbb|oneapi)/.*")},
         {Library::Json, pattern("^nlohmann/.*")},
         {Library::Png, pattern("^png\\.h$")},
+        {Library::Jpeg, pattern("^jpeglib\\.h$")},
         {Library::Blas, pattern("^cblas\\.h$")},
         {Library::Hash, pattern("^xxhash\\.h$")},
         {Library::OpenCvWindow,
@@ -101,12 +103,13 @@ Library libraryOf(const std::string& header) {
 const std::map<std::string, std::set<Library>>& mayKnow() {
   using enum Library;
   static const std::map<std::string, std::set<Library>> table = {
-      {"engine", {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv}},
+      {"engine",
+       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Jpeg, Blas, Hash, OpenCv}},
       {"devices", {Standard, System, Eigen, Tbb, Json, Camera, QtWithModule}},
       {"widgets", {Standard, System, Eigen, Qt, QtWithModule, Vtk}},
       {"app", {Standard, System, Eigen, Tbb, Json, Qt, QtWithModule, Vtk, CommandLine}},
       {"tests",
-       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Blas, Hash, OpenCv, Qt,
+       {Standard, System, Eigen, Ceres, OpenExr, Highway, Tbb, Json, Png, Jpeg, Blas, Hash, OpenCv, Qt,
         QtWithModule, Vtk, Camera, CommandLine, Testing}},
   };
   return table;
