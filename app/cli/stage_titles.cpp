@@ -33,7 +33,11 @@ std::string stageTitle(std::string_view stage) {
       {"residual", "Looking at what is left"},
       {"score", "Trying every effect on it"},
       {"refit", "Fitting again with the likely ones"},
-      {"report", "Writing the report"}};
+      {"report", "Writing the report"},
+      {"boards", "Looking for boards"},
+      {"lens", "Fitting the lens"},
+      {"response", "Recovering the response"},
+      {"emission", "Fitting the screen's emission"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }

@@ -52,6 +52,7 @@ void addDemoVerb(CLI::App& program, Context& context);     // demo.cpp
 void addPlanVerb(CLI::App& program, Context& context);
 void addExpectVerb(CLI::App& program, Context& context);
 void addBasisVerb(CLI::App& program, Context& context);
+void addCalibrateVerb(CLI::App& program, Context& context);  // calibrate.cpp
 /// The contract's verbs that this version doesn't have: not listed, and typing one says so.
 void addMissingVerbs(CLI::App& program, Context& context);
 

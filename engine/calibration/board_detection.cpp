@@ -27,7 +27,7 @@ constexpr double kDarkLevel = 0.02;  // of the range, where the square root woul
 
 /// Brightness from 0 to 1 with dark parts raised, so that one threshold serves linear and encoded pictures;
 /// corners are centres of symmetry and stay where they are.
-cv::Mat greyOf(const Image& photo, double* clippedShare) {
+cv::Mat greyOf(const Image& photo, cv::Mat* raw, double* clippedShare) {
   cv::Mat grey(photo.height(), photo.width(), CV_32F);
   const int channels = photo.channels();
   const std::span<const float> samples = photo.samples();
@@ -45,6 +45,7 @@ cv::Mat greyOf(const Image& photo, double* clippedShare) {
   const float top = some.back();
   const auto atTop = some.end() - std::lower_bound(some.begin(), some.end(), top * 0.999f);
   *clippedShare = top > low ? static_cast<double>(atTop) / static_cast<double>(some.size()) : 0;
+  *raw = grey.clone();
   const float scale = high > low ? 1 / (high - low) : 0;
   const float dark = static_cast<float>(kDarkLevel), root = std::sqrt(dark),
               whole = std::sqrt(1 + dark) - root;
@@ -111,6 +112,80 @@ void fillHoles(const cv::Mat& grey, double window, CornerGrid* grid) {
     }
   }
   grid->corners.insert(holes.corners.begin(), holes.corners.end());
+}
+
+/// Takes out corners whose surroundings aren't the same turned by half a turn, as those of a corner are: half
+/// covered ones, on the edge of a mirror for instance.
+void dropLopsided(const cv::Mat& light, double window, CornerGrid* grid) {
+  constexpr double kMostLopsided = 0.25;  // of the window's own contrast
+  const GreyPicture picture = pictureOf(light);
+  for (auto corner = grid->corners.begin(); corner != grid->corners.end();) {
+    const auto& [at, pixel] = *corner;
+    const double half =
+        std::clamp(window * grid->spacing(at.first, at.second), kSmallestWindowPx, kLargestWindowPx);
+    const int reach = static_cast<int>(half) + 1;
+    double difference = 0, sum = 0, squares = 0, count = 0;
+    for (int dy = -reach; dy <= reach; ++dy) {
+      for (int dx = -reach; dx <= reach; ++dx) {
+        const double a = picture.at(pixel.x() + dx, pixel.y() + dy),
+                     b = picture.at(pixel.x() - dx, pixel.y() - dy);
+        difference += 0.5 * (a - b) * (a - b), sum += a, squares += a * a, ++count;
+      }
+    }
+    const double variance = squares / count - (sum / count) * (sum / count);
+    corner = difference / count > kMostLopsided * kMostLopsided * variance ? grid->corners.erase(corner)
+                                                                           : std::next(corner);
+  }
+}
+
+/// The exponent of the picture's tone curve: in the middle of a corner the light is halfway between dark and
+/// bright, whatever the blur. 1 where the corners don't tell.
+double toneExponent(const cv::Mat& raw, const CornerGrid& grid) {
+  const GreyPicture picture = pictureOf(raw);
+  std::vector<double> exponents;
+  for (const auto& [at, pixel] : grid.corners) {
+    const double reach = 0.18 * grid.spacing(at.first, at.second);
+    const auto east = grid.corners.find({at.first + 1, at.second}),
+               south = grid.corners.find({at.first, at.second + 1});
+    if (reach < 3 || east == grid.corners.end() || south == grid.corners.end()) continue;
+    const Eigen::Vector2d u = (east->second - pixel).normalized() * reach,
+                          v = (south->second - pixel).normalized() * reach;
+    const auto value = [&](const Eigen::Vector2d& p) {
+      return static_cast<double>(picture.at(p.x(), p.y()));
+    };
+    double a = 0.5 * (value(pixel + u + v) + value(pixel - u - v)),
+           b = 0.5 * (value(pixel + u - v) + value(pixel - u + v));
+    if (a > b) std::swap(a, b);
+    const double middle = value(pixel) / b, dark = std::max(a / b, 1e-3);
+    if (!(dark < 0.6 && middle > dark && middle < 1)) continue;
+    double low = 0.4, high = 4;
+    for (int i = 0; i < 30; ++i) {
+      const double g = 0.5 * (low + high);
+      (std::pow(middle, g) * 2 > std::pow(dark, g) + 1 ? low : high) = g;
+    }
+    exponents.push_back(low);
+  }
+  if (exponents.size() < 6) return 1;
+  std::nth_element(exponents.begin(), exponents.begin() + static_cast<std::ptrdiff_t>(exponents.size() / 2),
+                   exponents.end());
+  return std::clamp(exponents[exponents.size() / 2], 0.6, 3.0);
+}
+
+/// The last digits of the corners, on linear light: a tone curve shifts sharp edges by amounts that depend on
+/// where they fall in a pixel. A slight blur lets interpolation between pixels follow the edges.
+void refineOnLight(const cv::Mat& raw, double window, CornerGrid* grid) {
+  constexpr double kSmoothPx = 0.7;
+  const double exponent = toneExponent(raw, *grid);
+  cv::Mat light;
+  cv::max(raw, 0, light);
+  double top = 0;
+  cv::minMaxLoc(light, nullptr, &top);
+  if (!(top > 0)) return;
+  light /= top;
+  cv::pow(light, exponent, light);
+  cv::GaussianBlur(light, light, {}, kSmoothPx);
+  refine(light, window, grid);
+  dropLopsided(light, window, grid);
 }
 
 CornerGrid gridInWhole(const std::vector<GridCorner>& joined, const std::vector<SaddlePoint>& saddles,
@@ -227,7 +302,8 @@ BoardDetection detectBoard(const Image& photo, const Board& board, const BoardDe
     return finish(detection);
   }
   const bool charuco = board.kind == BoardKind::Charuco;
-  const cv::Mat grey = greyOf(photo, &detection.clippedShare);
+  cv::Mat raw;
+  const cv::Mat grey = greyOf(photo, &raw, &detection.clippedShare);
   const GreyPicture whole = pictureOf(grey);
   const double window = charuco ? std::min(kCheckerWindow, 0.45 * (1 - board.markerShare)) : kCheckerWindow;
 
@@ -265,6 +341,7 @@ BoardDetection detectBoard(const Image& photo, const Board& board, const BoardDe
       CornerGrid grid = gridInWhole(one, saddles, scaleX);
       refine(grey, window, &grid);
       fillHoles(grey, window, &grid);
+      refineOnLight(raw, window, &grid);
       if (grid.corners.size() > evidence.largestGrid) {
         evidence.largestGrid = grid.corners.size();
         int c0 = 1 << 30, c1 = -c0, r0 = c0, r1 = -c0;

@@ -168,7 +168,7 @@ std::chrono::system_clock::time_point readTime(JsonObject& file) {
   const year_month_day date{std::chrono::year(year),
                             std::chrono::month(static_cast<unsigned>(std::clamp(month, 0, 99))),
                             std::chrono::day(static_cast<unsigned>(std::clamp(day, 0, 99)))};
-  if (count != 7 || end != 'Z' || !date.ok() || year < 1990 || year > 2200 || hour < 0 || hour > 23 ||
+  if (count != 7 || end != 'Z' || !date.ok() || year < 1970 || year > 2200 || hour < 0 || hour > 23 ||
       minute < 0 || minute > 59 || second < 0 || second > 60)
     file.fail(ErrorCode::Malformed, "taken", "this is no time: " + inQuotes(text),
               "write it like 2026-05-17T09:30:00Z");

@@ -176,13 +176,17 @@ void flagOutliers(double factor, std::vector<CalibratedView>* views) {
   }
 }
 
-/// Largest standard deviation of where the lens puts the picture's rays.
-double predictionSd(const Camera& camera, const IntrinsicMatrix& covariance) {
+/// Largest standard deviation of where the lens puts rays, over the parts of the picture that held corners.
+double predictionSd(const Camera& camera, const IntrinsicMatrix& covariance,
+                    const CalibrationCoverage& coverage) {
   double worst = 0;
   const IntrinsicVector lens = board_projection::intrinsicsOf(camera);
-  for (int row = 0; row <= 4; ++row) {
-    for (int column = 0; column <= 4; ++column) {
-      const Eigen::Vector2d pixel(column * (camera.width - 1) / 4.0, row * (camera.height - 1) / 4.0);
+  constexpr int kColumns = CalibrationCoverage::kColumns, kRows = CalibrationCoverage::kRows;
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = 0; column < kColumns; ++column) {
+      if (coverage.corners[row * kColumns + column] == 0) continue;
+      const Eigen::Vector2d pixel((column + 0.5) / kColumns * camera.width - 0.5,
+                                  (row + 0.5) / kRows * camera.height - 0.5);
       const Eigen::Vector3d ray = camera.rayFromPixel(pixel);
       if (!(ray.z() > 0.05)) continue;
       const double x = ray.x() / ray.z(), y = ray.y() / ray.z(), r2 = x * x + y * y;
@@ -377,7 +381,6 @@ Result<CameraCalibration> calibrateCamera(const Board& board, const std::vector<
                                   spectrum.eigenvectors().transpose() * scale.asDiagonal();
   result.covariance = columns * inverse * columns.transpose() * (result.cornerSdPx * result.cornerSdPx);
   result.sd = result.covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  result.predictionSdPx = predictionSd(result.camera, result.covariance);
 
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto at = std::find(usedAt.begin(), usedAt.end(), i);
@@ -396,6 +399,7 @@ Result<CameraCalibration> calibrateCamera(const Board& board, const std::vector<
   }
   flagOutliers(options.outlierFactor, &result.views);
   result.coverage = coverageOf(board, views, &result.camera);
+  result.predictionSdPx = predictionSd(result.camera, result.covariance, result.coverage);
 
   char text[200];
   if (result.rmsPx > 1) {

@@ -64,8 +64,8 @@ struct CameraCalibration {
   IntrinsicMatrix covariance = IntrinsicMatrix::Zero();
   double rmsPx = 0;       ///< sqrt(mean squared distance) over all corners of used views
   double cornerSdPx = 0;  ///< of one coordinate, degrees of freedom counted
-  /// Largest standard deviation over the picture of where a point on the calibrated rays falls, pixels: what
-  /// the uncertainties mean together.
+  /// Largest standard deviation of where the lens puts a ray, pixels, over the cells of `coverage` that hold
+  /// corners: what the uncertainties mean together. Where there were no corners it is larger.
   double predictionSdPx = 0;
   std::vector<CalibratedView> views;  ///< of all that were given
   CalibrationCoverage coverage;

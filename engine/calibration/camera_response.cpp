@@ -32,15 +32,23 @@ struct Place {
   double brightness = 0, unevenness = 0;
 };
 
-/// Mean and spread of 3 x 3 pixels.
-std::pair<double, double> around(const Image& image, int x, int y, int channel) {
-  double sum = 0, squares = 0;
+struct Patch {
+  double mean = 0, spread = 0;
+  bool usable = true;  ///< all of it
+};
+
+/// 3 x 3 pixels. One of them clipped would pull the mean.
+Patch around(const Image& image, int x, int y, int channel, const ResponseOptions& options) {
+  Patch patch;
+  double squares = 0;
   for (int dy = -1; dy <= 1; ++dy)
     for (int dx = -1; dx <= 1; ++dx) {
       const double v = image.at(x + dx, y + dy, channel);
-      sum += v, squares += v * v;
+      patch.mean += v / 9, squares += v * v / 9;
+      patch.usable &= v >= options.lowest && v <= options.highest;
     }
-  return {sum / 9, std::sqrt(std::max(0.0, squares / 9 - sum * sum / 81))};
+  patch.spread = std::sqrt(std::max(0.0, squares - patch.mean * patch.mean));
+  return patch;
 }
 
 /// Even places of all brightnesses: bins by brightness, in each the most even ones.
@@ -55,11 +63,11 @@ std::vector<Place> choosePlaces(const std::vector<ExposedPhoto>& photos, int cha
       Place place;
       const int x = static_cast<int>(px), y = static_cast<int>(py);
       for (std::size_t j = 0; j < photos.size(); ++j) {
-        const auto [mean, spread] = around(photos[j].image, x, y, channel);
-        place.brightness += mean;
-        if (mean < options.lowest || mean > options.highest) continue;
-        place.readings.push_back({static_cast<int>(j), mean});
-        place.unevenness = std::max(place.unevenness, spread / (mean + 0.05));
+        const Patch patch = around(photos[j].image, x, y, channel, options);
+        place.brightness += patch.mean;
+        if (!patch.usable) continue;
+        place.readings.push_back({static_cast<int>(j), patch.mean});
+        place.unevenness = std::max(place.unevenness, patch.spread / (patch.mean + 0.05));
       }
       if (place.readings.size() >= 2) places.push_back(std::move(place));
     }

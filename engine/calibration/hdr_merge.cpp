@@ -107,32 +107,37 @@ Result<MergedRadiance> mergeExposures(const std::vector<ExposedPhoto>& photos, c
   if (job.cancelled()) return Error{ErrorCode::Cancelled, "the merge was cancelled", "", ""};
   result.clipped = clipped, result.dark = dark;
 
-  for (const ExposedPhoto& photo : photos) {
+  // Each exposure against the next longer one where both speak well; what sticks out from the chain is wrong.
+  std::vector<double> chain{0};
+  for (std::size_t j = 1; j < ordered.size(); ++j) {
     std::vector<double> ratio;
-    const std::size_t step = std::max<std::size_t>(1, first.samples().size() / 20000);
+    const std::size_t step = std::max<std::size_t>(1, first.samples().size() / 30000);
     for (std::size_t at = 0; at < first.samples().size(); at += step) {
-      const double v = photo.image.samples()[at] - options.blackLevel[static_cast<int>(at % 3)];
-      const double radiance = result.radiance.samples()[at];
-      // Where this photograph alone speaks well.
-      if (v + options.blackLevel[static_cast<int>(at % 3)] >= 0.9 * options.saturation ||
-          v < 10 * std::sqrt(options.shot * std::max(v, 0.0) + options.read * options.read) ||
-          !(radiance > 0))
-        continue;
-      ratio.push_back(v / photo.exposureS / radiance - 1);
+      const double black = options.blackLevel[static_cast<int>(at % 3)];
+      const double a = ordered[j - 1]->image.samples()[at] - black,
+                   b = ordered[j]->image.samples()[at] - black;
+      const auto speaks = [&](double v) {
+        return v + black < 0.9 * options.saturation &&
+               v > 10 * std::sqrt(options.shot * std::max(v, 0.0) + options.read * options.read);
+      };
+      if (speaks(a) && speaks(b))
+        ratio.push_back(std::log(b / ordered[j]->exposureS * ordered[j - 1]->exposureS / a));
     }
-    if (ratio.size() < 20) {
-      result.mismatch.push_back(0);
-      continue;
-    }
-    std::nth_element(ratio.begin(), ratio.begin() + static_cast<std::ptrdiff_t>(ratio.size() / 2),
-                     ratio.end());
-    result.mismatch.push_back(ratio[ratio.size() / 2]);
-    if (std::abs(result.mismatch.back()) > kMismatch) {
+    const auto middle = ratio.begin() + static_cast<std::ptrdiff_t>(ratio.size() / 2);
+    if (ratio.size() >= 20) std::nth_element(ratio.begin(), middle, ratio.end());
+    chain.push_back(chain.back() + (ratio.size() >= 20 ? *middle : 0));
+  }
+  std::vector<double> sorted = chain;
+  std::sort(sorted.begin(), sorted.end());
+  result.mismatch.assign(photos.size(), 0);
+  for (std::size_t j = 0; j < ordered.size(); ++j) {
+    const double off = std::expm1(chain[j] - sorted[sorted.size() / 2]);
+    result.mismatch[static_cast<std::size_t>(ordered[j] - photos.data())] = off;
+    if (std::abs(off) > kMismatch) {
       char text[200];
       std::snprintf(text, sizeof text,
                     "%.80s is %.1f %% %s than its exposure says: is the time right, did the light change?",
-                    photo.name.c_str(), 100 * std::abs(result.mismatch.back()),
-                    result.mismatch.back() > 0 ? "brighter" : "darker");
+                    ordered[j]->name.c_str(), 100 * std::abs(off), off > 0 ? "brighter" : "darker");
       result.warnings.push_back(text);
     }
   }

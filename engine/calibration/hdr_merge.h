@@ -21,7 +21,7 @@ struct MergedRadiance {
   Image radiance;  ///< pixel units a second; where all exposures are clipped, the shortest one's lower bound
   Image relativeSd;                   ///< standard deviation over radiance; infinite where clipped
   std::size_t clipped = 0, dark = 0;  ///< samples
-  std::vector<double> mismatch;  ///< of each photograph: median of its radiance over the merged one, minus 1
+  std::vector<double> mismatch;       ///< of each photograph: its radiance over that of most others, minus 1
   std::vector<std::string> warnings;
 };
 

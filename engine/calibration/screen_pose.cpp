@@ -15,8 +15,11 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr std::size_t kFewestCorners = 6;
-/// One view's error may be that much larger than the other's before something besides noise is at work.
-constexpr double kMismatch = 3, kMismatchPx = 0.3;
+/// Corners are found to 0.1 px; beyond this something besides noise is at work.
+constexpr double kMisfitPx = 0.4;
+
+constexpr double kSquarePixels =
+    0.002;  // pixels are square; sizes in whole centimetres make them look otherwise
 
 Eigen::Matrix3d turned(const Eigen::Vector3d& turn) {
   const double angle = turn.norm();
@@ -222,8 +225,19 @@ Result<ScreenPoseCalibration> calibrateScreenPose(const MirrorCalibrationInput& 
     return invalid("the screen would face away from the sample", "",
                    "is the right board on the right screen?");
   char text[240];
-  const double best = std::min(result.sampleRmsPx, mirrored ? result.mirroredRmsPx : result.directRmsPx);
-  if (result.rmsPx > kMismatch * std::max(best, kMismatchPx / kMismatch) && result.rmsPx > kMismatchPx) {
+  const double pitch =
+      input.screen.widthPx > 0 && input.screen.heightPx > 0
+          ? input.screen.widthMm / input.screen.widthPx / (input.screen.heightMm / input.screen.heightPx)
+          : 1;
+  if (std::abs(pitch - 1) > kSquarePixels) {
+    std::snprintf(text, sizeof text,
+                  "the screen's width and height make pixels that are %.1f %% wider than high: measure the "
+                  "lit area with a "
+                  "ruler, what the screen says of itself is rounded",
+                  100 * (pitch - 1));
+    result.warnings.push_back(text);
+  }
+  if (result.rmsPx > kMisfitPx) {
     std::snprintf(text, sizeof text,
                   "the views don't fit together (sample %.2f px, mirror %.2f px, direct %.2f px): is the "
                   "mirror flat and in "

@@ -130,11 +130,11 @@ Result<ScreenResponse> fitScreenResponse(const std::vector<GreySample>& samples)
                   100 * response.channelSpread);
     response.warnings.push_back(text);
   }
-  if (response.residual > kScattered) {
+  if (largest > kScattered) {
     std::snprintf(
         text, sizeof text,
         "the light doesn't always rise with the value (%.1f %% of white): dynamic contrast, or flicker?",
-        100 * response.residual);
+        100 * largest);
     response.warnings.push_back(text);
   }
   return response;

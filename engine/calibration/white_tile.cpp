@@ -150,7 +150,10 @@ Result<WhiteTileCalibration> calibrateWhiteTile(const Image& photo, const Certif
       }
   const double samples = 3.0 * width * height;
   const bool plateau = static_cast<double>(atLargest) > std::max(4.0, 0.0005 * samples);
-  const double clipAt = options.saturation > 0 ? options.saturation : plateau ? largest : INFINITY;
+  // What was said may have lost its last digits in a float picture.
+  const double clipAt = options.saturation > 0 ? options.saturation * (1 - 1e-5)
+                        : plateau              ? largest
+                                               : INFINITY;
 
   WhiteTileCalibration result;
   result.region = region;

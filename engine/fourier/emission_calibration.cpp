@@ -17,6 +17,7 @@ namespace {
 constexpr int kHighestFrequency = 8;
 constexpr double kNarrowest = 0.15, kWidest = 30;  // of the Gaussian, pattern units at unit distance
 constexpr double kFlat = 8;                        // wider than that is no shape any more
+constexpr double kModelFloor = 1e-3;               // of full scale
 constexpr double kMisfit = 0.02;                   // relative RMS that no noise explains
 
 /// What the paper sent at the points, and where they are.
@@ -24,6 +25,7 @@ struct PaperData {
   std::vector<Eigen::Vector2d> frequencies;  ///< 0 first
   std::vector<Eigen::Vector2d> pointMm;
   std::vector<double> values;  ///< [point][frequency][re R G B, im R G B]; im of the first is 0
+  std::vector<double> sd;      ///< of each by noise, and what the model may lack
   double noiseSquares = 0;     ///< expected sum over all values
   double squares = 0;
 };
@@ -60,15 +62,16 @@ class PaperModel {
     return kept_;
   }
 
-  /// Model minus measurement, in units of the measurements' root mean square.
-  void residuals(const Eigen::Vector4d& shape, const Eigen::Vector3d& gain, Eigen::VectorXd& out) {
+  /// Model minus measurement; in standard deviations, or as it is.
+  void residuals(const Eigen::Vector4d& shape, const Eigen::Vector3d& gain, bool inSds,
+                 Eigen::VectorXd& out) {
     const std::vector<double>& model = transform(shape);
-    const double scale = std::sqrt(static_cast<double>(data_.values.size()) / data_.squares);
     out.resize(static_cast<Eigen::Index>(data_.values.size()));
     for (std::size_t i = 0; i < model.size(); ++i)
       for (std::size_t c = 0; c < 3; ++c) {
         const double predicted = albedo_[static_cast<int>(c)] * gain[static_cast<int>(c)] * model[i];
-        out[static_cast<Eigen::Index>(i * 3 + c)] = (predicted - data_.values[i * 3 + c]) * scale;
+        out[static_cast<Eigen::Index>(i * 3 + c)] =
+            (predicted - data_.values[i * 3 + c]) / (inSds ? data_.sd[i * 3 + c] : 1);
       }
   }
 
@@ -131,16 +134,23 @@ Result<PaperData> readPaper(const FourierCapture& capture, int points, const Job
     for (int c = 0; c < 3; ++c) {
       data.values.push_back(measured->dc[s * 3 + static_cast<std::size_t>(c)]);
       data.noiseSquares += measured->dcVariance(s, c);
+      data.sd.push_back(std::sqrt(measured->dcVariance(s, c)));
     }
     data.values.insert(data.values.end(), 3, 0.0);
+    data.sd.insert(data.sd.end(), 3, 1.0);  // 0 on both sides
     const SiteBlock block = measured->store.block(s, 1, MeasurementStore::kZ);
     for (const int f : kept)
-      for (int k = 0; k < 6; ++k) data.values.push_back(block.z(s)[f * 6 + k]);
-    for (int c = 0; c < 3; ++c)
-      data.noiseSquares += 2.0 * static_cast<double>(kept.size()) * measured->variance(s, c);
+      for (int k = 0; k < 6; ++k) {
+        data.values.push_back(block.z(s)[f * 6 + k]);
+        data.sd.push_back(std::sqrt(measured->variance(s, k % 3)));
+        data.noiseSquares += measured->variance(s, k % 3);
+      }
   }
   if (const auto failure = measured->store.failure()) return *failure;
   for (const double v : data.values) data.squares += v * v;
+  // No screen is a Gaussian to a thousandth: beyond that, clean photographs must not make one value rule.
+  const double floor = kModelFloor * measured->fullScale;
+  for (double& sd : data.sd) sd = std::hypot(sd, floor);
   if (data.pointMm.size() < 12 || !(data.squares > 0))
     return Error{ErrorCode::Invalid,
                  "too little of the paper can be used: it is black, clipped or hardly in the picture",
@@ -184,7 +194,7 @@ Result<EmissionCalibration> calibrateEmission(const FourierCapture& capture, con
           shape.tail<2>().maxCoeff() < std::log(kWidest)) ||
         shape.head<2>().cwiseAbs().maxCoeff() > kWidest)
       return false;
-    model.residuals(shape, gainOf(x), residuals);
+    model.residuals(shape, gainOf(x), true, residuals);
     return residuals.allFinite();
   };
   const Eigen::Index unknowns = options.freeMeanX ? 7 : 6;
@@ -212,7 +222,9 @@ Result<EmissionCalibration> calibrateEmission(const FourierCapture& capture, con
       result.emission.gain *
       std::exp(-0.5 * result.emission.mean.cwiseQuotient(result.emission.sigma).squaredNorm());
   result.radianceScale = capture.radianceScale / headOn;
-  result.residual = std::sqrt(solution.sumOfSquares / static_cast<double>(data->values.size()));
+  Eigen::VectorXd left;
+  model.residuals(shape, gain, false, left);
+  result.residual = left.norm() / std::sqrt(data->squares);
   result.noise = std::sqrt(data->noiseSquares / data->squares);
   if (solution.determined) {
     const Eigen::MatrixXd covariance = solution.variance() * solution.inverseNormal;

@@ -47,9 +47,8 @@ std::pair<double, double> errorsOf(const BoardView& view, const Board& board, co
 
 TEST(BoardDetection, FindsACheckerboardFromAllSides) {
   Board board{BoardKind::Checkerboard, 10, 7, 20};
-  const FlatPicture picture = boardPicture(&board, 40);
-  for (const Eigen::Vector3d& position :
-       {Eigen::Vector3d(0, 0, 330), {200, -50, 260}, {-120, 210, 250}, {30, -240, 200}}) {
+  const FlatPicture picture = boardPicture(&board, 80);
+  for (const Eigen::Vector3d& position : {Eigen::Vector3d(0, 0, 330), {200, -50, 260}, {30, -240, 200}}) {
     for (const double roll : {0.0, 95.0}) {
       const Camera camera = lookAt(webcam(), position, {0, 0, 0}, roll);
       const BoardDetection found = detectBoard(rayCast(camera, {picture}, {}, {}), board);
@@ -64,7 +63,7 @@ TEST(BoardDetection, FindsACheckerboardFromAllSides) {
 
 TEST(BoardDetection, ReadsMarkersOfABoardThatIsPartlyOutside) {
   Board board;
-  const FlatPicture picture = boardPicture(&board, 40);
+  const FlatPicture picture = boardPicture(&board, 80);
   const Camera camera = lookAt(webcam(), {90, 40, 170}, {60, 30, 0}, 20);
   const BoardDetection found = detectBoard(rayCast(camera, {picture}, {}, {}), board);
   ASSERT_TRUE(found.found) << found.whyNot;
@@ -78,7 +77,7 @@ TEST(BoardDetection, ReadsMarkersOfABoardThatIsPartlyOutside) {
 
 TEST(BoardDetection, WorksOnLinearPicturesOfAnyScale) {
   Board board;
-  const FlatPicture picture = boardPicture(&board, 40);
+  const FlatPicture picture = boardPicture(&board, 80);
   const Camera camera = lookAt(webcam(), {100, -60, 280}, {0, 0, 0}, -10);
   test::RayCastOptions options;
   options.encoded = false;
@@ -94,7 +93,7 @@ TEST(BoardDetection, WorksOnLinearPicturesOfAnyScale) {
 
 TEST(BoardDetection, TellsAMirroredBoardFromADirectOne) {
   Board board;
-  FlatPicture picture = boardPicture(&board, 40);
+  FlatPicture picture = boardPicture(&board, 80);
   const Camera camera = lookAt(webcam(), {80, -60, 300}, {0, 0, 0}, 5);
   Image photo = rayCast(camera, {picture}, {}, {});
   Image flipped = photo;
@@ -134,7 +133,7 @@ TEST(BoardDetection, SaysWhyThereIsNoneAndSoon) {
 
   Board other{BoardKind::Checkerboard, 8, 6, 20};
   const Camera camera = lookAt(webcam(), {60, 30, 300}, {0, 0, 0}, 0);
-  const Image photo = rayCast(camera, {boardPicture(&other, 40)}, {}, {});
+  const Image photo = rayCast(camera, {boardPicture(&other, 80)}, {}, {});
   EXPECT_THAT(detectBoard(photo, checkers).whyNot, HasSubstr("7 x 5"));
   EXPECT_THAT(detectBoard(photo, charuco).whyNot, HasSubstr("markers"));
 }

@@ -51,8 +51,9 @@ TEST(Board, IsReadFromItsText) {
   const Result<Board> checkers = parseBoard("checkerboard:10x7:25", "");
   ASSERT_TRUE(checkers.ok());
   EXPECT_EQ(boardText(*checkers), "checkerboard:10x7:25");
-  for (const char* wrong : {"", "chess:3x3:1", "checkerboard:10:25", "checkerboard:2x7:25", "checkerboard:10x7:-1",
-                            "charuco:9x7:20:0.99", "charuco:9x7:20:0.6:6x6_25", "charuco:60x60:5", "checkerboard:10x7:25:1"})
+  for (const char* wrong :
+       {"", "chess:3x3:1", "checkerboard:10:25", "checkerboard:2x7:25", "checkerboard:10x7:-1",
+        "charuco:9x7:20:0.99", "charuco:9x7:20:0.6:6x6_25", "charuco:60x60:5", "checkerboard:10x7:25:1"})
     EXPECT_FALSE(parseBoard(wrong, "--board").ok()) << wrong;
   EXPECT_THAT(parseBoard("charuco:9x7:20:0.6:6x6-250", "--board").error().what, HasSubstr("6x6_250"));
 }

@@ -97,7 +97,7 @@ std::vector<CalibrationView> simulatedViews(const Board& board, const FlatPictur
 TEST(CameraCalibration, RecoversASimulatedLens) {
   Board board = Board::forCamera();
   board.squareMm = 16;
-  const FlatPicture picture = boardPicture(&board, 40);
+  const FlatPicture picture = boardPicture(&board, 80);
   std::vector<CalibrationView> views = simulatedViews(board, picture);
   const Result<CameraCalibration> result = calibrateCamera(board, views);
   ASSERT_TRUE(result.ok()) << result.error().sentence();

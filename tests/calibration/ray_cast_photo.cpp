@@ -27,8 +27,20 @@ double hit(const FlatPicture& flat, const Ray& ray, double* brightness) {
                y = (0.5 - at.y() / flat.heightMm) * flat.picture.height();
   if (!(x >= 0 && y >= 0 && x < flat.picture.width() && y < flat.picture.height()))
     return std::numeric_limits<double>::infinity();
-  *brightness =
-      flat.facesOnly && towards > 0 ? 0.02 : flat.picture.at(static_cast<int>(x), static_cast<int>(y));
+  if (flat.facesOnly && towards > 0) {
+    *brightness = 0.02;
+    return t;
+  }
+  // Between the middles of the picture's pixels: an edge is a ramp about its true place, so that few rays a
+  // pixel don't make it jump.
+  const Image& image = flat.picture;
+  const double px = std::clamp(x - 0.5, 0.0, image.width() - 1.0),
+               py = std::clamp(y - 0.5, 0.0, image.height() - 1.0);
+  const int x0 = std::min(static_cast<int>(px), image.width() - 2),
+            y0 = std::min(static_cast<int>(py), image.height() - 2);
+  const double a = px - x0, b = py - y0;
+  *brightness = (1 - b) * ((1 - a) * image.at(x0, y0) + a * image.at(x0 + 1, y0)) +
+                b * ((1 - a) * image.at(x0, y0 + 1) + a * image.at(x0 + 1, y0 + 1));
   return t;
 }
 

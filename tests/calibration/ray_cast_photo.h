@@ -28,7 +28,7 @@ struct FlatMirror {
 };
 
 struct RayCastOptions {
-  int samplesPerSide = 4;
+  int samplesPerSide = 3;
   double blurPx = 0.6;   ///< Gaussian, of the lens
   double noise = 0.004;  ///< standard deviation, of a photograph whose white is 1
   double background = 0.25;

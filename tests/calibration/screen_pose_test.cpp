@@ -36,7 +36,7 @@ struct Desk {
     lens.intrinsics << 1500, 0, 645, 0, 1502, 474, 0, 0, 1;
     lens.distortion << -0.09, 0.03, 0.0003, -0.0004, 0;
     camera = lookAt(lens, {12, -250, 270}, {0, 8, 0}, 2);
-    screen.widthMm = 344, screen.heightMm = 194, screen.widthPx = 1920, screen.heightPx = 1080;
+    screen.widthMm = 344, screen.heightMm = 193.5, screen.widthPx = 1920, screen.heightPx = 1080;
     // Looks down at the sample from +y, leaning.
     const double lean = 43 * M_PI / 180, turn = 3 * M_PI / 180;
     const Eigen::Vector3d normal =
