@@ -17,6 +17,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMostSaddles = 1200;
+constexpr std::ptrdiff_t kMostGrids = 12;  // largest first; a board is never many pieces
 /// Longest side, pixels, of the pictures that are searched: small ones see large and blurred boards and are
 /// quick.
 constexpr int kSearchSides[] = {640, 1280, 2560};
@@ -33,12 +34,12 @@ cv::Mat greyOf(const Image& photo, cv::Mat* raw, double* clippedShare) {
   const std::span<const float> samples = photo.samples();
   std::vector<float> some;
   const std::size_t pixels = photo.pixelCount(), stride = std::max<std::size_t>(1, pixels / 50000);
+  float* to = grey.ptr<float>();
   for (std::size_t i = 0; i < pixels; ++i) {
     float sum = 0;
     for (int c = 0; c < channels; ++c) sum += samples[i * channels + c];
-    const float value = std::isfinite(sum) ? sum / static_cast<float>(channels) : 0.0f;
-    grey.at<float>(static_cast<int>(i / photo.width()), static_cast<int>(i % photo.width())) = value;
-    if (i % stride == 0) some.push_back(value);
+    to[i] = std::isfinite(sum) ? sum / static_cast<float>(channels) : 0.0f;
+    if (i % stride == 0) some.push_back(to[i]);
   }
   std::sort(some.begin(), some.end());
   const float low = some[some.size() / 500], high = some[some.size() - 1 - some.size() / 500];
@@ -176,16 +177,28 @@ double toneExponent(const cv::Mat& raw, const CornerGrid& grid) {
 void refineOnLight(const cv::Mat& raw, double window, CornerGrid* grid) {
   constexpr double kSmoothPx = 0.7;
   const double exponent = toneExponent(raw, *grid);
+  if (grid->corners.empty()) return;
+  // Only what lies around the grid: large pictures are mostly something else.
+  Eigen::Vector2d low = grid->corners.begin()->second, high = low;
+  for (const auto& [at, pixel] : grid->corners) low = low.cwiseMin(pixel), high = high.cwiseMax(pixel);
+  const int margin = static_cast<int>(2 * kLargestWindowPx) + 4;
+  const cv::Rect part =
+      cv::Rect(cv::Point(static_cast<int>(low.x()) - margin, static_cast<int>(low.y()) - margin),
+               cv::Point(static_cast<int>(high.x()) + margin + 1, static_cast<int>(high.y()) + margin + 1)) &
+      cv::Rect(0, 0, raw.cols, raw.rows);
+  const Eigen::Vector2d corner(part.x, part.y);
   cv::Mat light;
-  cv::max(raw, 0, light);
+  cv::max(raw(part), 0, light);
   double top = 0;
   cv::minMaxLoc(light, nullptr, &top);
   if (!(top > 0)) return;
   light /= top;
   cv::pow(light, exponent, light);
   cv::GaussianBlur(light, light, {}, kSmoothPx);
+  for (auto& [at, pixel] : grid->corners) pixel -= corner;
   refine(light, window, grid);
   dropLopsided(light, window, grid);
+  for (auto& [at, pixel] : grid->corners) pixel += corner;
 }
 
 CornerGrid gridInWhole(const std::vector<GridCorner>& joined, const std::vector<SaddlePoint>& saddles,
@@ -334,7 +347,7 @@ BoardDetection detectBoard(const Image& photo, const Board& board, const BoardDe
     for (const SaddlePoint& saddle : saddles)
       loose.push_back(((saddle.pixel.array() + 0.5) * scaleX - 0.5).matrix());
     for (const std::vector<GridCorner>& one : joined) {
-      if (stop.stop_requested()) break;
+      if (stop.stop_requested() || &one - joined.data() >= kMostGrids) break;
       if (charuco ? one.size() < 4 : one.size() * 2 < static_cast<std::size_t>(board.cornerCount())) {
         if (one.size() <= evidence.largestGrid) continue;
       }

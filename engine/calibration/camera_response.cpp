@@ -102,7 +102,7 @@ struct Curve {
 /// value; here the local exponent d ln light / d ln value is, so that a power law, linear cameras among them,
 /// is bent by nothing.
 Curve solveCurve(const std::vector<Place>& places, const std::vector<double>& logTime, std::size_t photos,
-                 const ResponseOptions& options) {
+                 const ResponseOptions& options, const JobContext& job) {
   const int knots = options.knots, unknowns = knots - 1;
   const auto logKnot = [&](int k) { return std::log(static_cast<double>(k + 1) / (knots - 1)); };
   struct Row {
@@ -123,7 +123,7 @@ Curve solveCurve(const std::vector<Place>& places, const std::vector<double>& lo
   const double prior = options.smoothness / kExponentStep * ((knots - 1) / 255.0);
   double noise = 0.01;
   std::vector<double> covered;
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kRounds && !job.cancelled(); ++round) {
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
     const auto exponentAt = [&](double value) {
@@ -290,7 +290,8 @@ Result<CameraResponse> recoverResponse(const std::vector<ExposedPhoto>& photos,
                          " places are neither black nor clipped in two exposures at least",
                      std::string("channel ") + "RGB"[c],
                      "exposures closer to each other, and a scene with bright and dark parts");
-    const Curve solved = solveCurve(places, logTime, photos.size(), options);
+    const Curve solved = solveCurve(places, logTime, photos.size(), options, job);
+    if (job.cancelled()) return Error{ErrorCode::Cancelled, "the calibration was cancelled", "", ""};
     ResponseCurve& curve = response.curves[c];
     curve.input.push_back(0), curve.output.push_back(0);
     std::vector<double> logs(solved.logLight.begin(), solved.logLight.end());

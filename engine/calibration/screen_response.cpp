@@ -105,9 +105,11 @@ Result<ScreenResponse> fitScreenResponse(const std::vector<GreySample>& samples)
     response.channelSpread = std::max(response.channelSpread, relative.maxCoeff() - relative.minCoeff());
   }
   response.light = isotonic(mean, weight);
-  double sum = 0;
-  for (std::size_t i = 0; i < mean.size(); ++i)
-    sum += (mean[i] - response.light[i]) * (mean[i] - response.light[i]);
+  double sum = 0, largest = 0;
+  for (std::size_t i = 0; i < mean.size(); ++i) {
+    const double off = std::abs(mean[i] - response.light[i]);
+    sum += off * off, largest = std::max(largest, off);
+  }
   response.residual = std::sqrt(sum / static_cast<double>(mean.size()));
   // The ends are black and white by definition.
   const double first = response.light.front(), last = response.light.back();

@@ -22,14 +22,18 @@ constexpr double kNoisiest = 0.05;      // of one pixel; beyond, something is no
 constexpr std::int64_t kFewestPixels = 100;
 constexpr int kReweightings = 20;
 
-/// Legendre polynomials P_i(u) P_j(v), i + j up to the order.
+/// Legendre polynomials P_0 to P_order at x.
+Eigen::VectorXd legendre(double x, int order) {
+  Eigen::VectorXd p(order + 1);
+  p[0] = 1;
+  if (order > 0) p[1] = x;
+  for (int k = 2; k <= order; ++k) p[k] = ((2 * k - 1) * x * p[k - 1] - (k - 1) * p[k - 2]) / k;
+  return p;
+}
+
+/// Products P_i(u) P_j(v), i + j up to the order.
 Eigen::VectorXd basisAt(double u, double v, int order) {
-  double pu[7], pv[7];
-  const auto fill = [&](double x, double* p) {
-    p[0] = 1, p[1] = x;
-    for (int k = 2; k <= order; ++k) p[k] = ((2 * k - 1) * x * p[k - 1] - (k - 1) * p[k - 2]) / k;
-  };
-  fill(u, pu), fill(v, pv);
+  const Eigen::VectorXd pu = legendre(u, order), pv = legendre(v, order);
   Eigen::VectorXd basis((order + 1) * (order + 2) / 2);
   Eigen::Index at = 0;
   for (int i = 0; i <= order; ++i)
@@ -195,20 +199,30 @@ Result<WhiteTileCalibration> calibrateWhiteTile(const Image& photo, const Certif
       return invalid("the tile is black or clipped nearly everywhere", "tile",
                      "expose so that the tile reaches two thirds of full scale");
     const double toIrradiance = std::numbers::pi / (reflectance.rgb[c] * options.exposureS);
-    double sum = 0;
-    Eigen::VectorXd meanBasis = Eigen::VectorXd::Zero(light.coefficients.size());
-    double squares = 0, counted = 0;
-    for (int y = region.y0; y < region.y1; ++y) {
-      for (int x = region.x0; x < region.x1; ++x) {
-        const Eigen::VectorXd basis = basisAt((x - region.x0) / std::max(1.0, width - 1.0) * 2 - 1,
-                                              (y - region.y0) / std::max(1.0, height - 1.0) * 2 - 1, order);
-        const double model = std::max(0.0, basis.dot(light.coefficients));
-        meanBasis += basis;
+    // P_i(u) of each column once; a row then is a polynomial in u alone.
+    Eigen::MatrixXd columns(order + 1, width);
+    for (int x = 0; x < width; ++x) columns.col(x) = legendre(x / std::max(1.0, width - 1.0) * 2 - 1, order);
+    const Eigen::VectorXd columnSums = columns.rowwise().sum();
+    Eigen::VectorXd meanBasis = Eigen::VectorXd::Zero(light.coefficients.size()), along(order + 1);
+    double sum = 0, squares = 0, counted = 0;
+    const double middleLight = std::max(1e-30, light.coefficients[0]);
+    for (int y = 0; y < height; ++y) {
+      if (job.cancelled()) return Error{ErrorCode::Cancelled, "the calibration was cancelled", "", ""};
+      const Eigen::VectorXd across = legendre(y / std::max(1.0, height - 1.0) * 2 - 1, order);
+      along.setZero();
+      Eigen::Index at = 0;
+      for (int i = 0; i <= order; ++i)
+        for (int j = 0; i + j <= order; ++j, ++at) {
+          along[i] += light.coefficients[at] * across[j];
+          meanBasis[at] += columnSums[i] * across[j];
+        }
+      for (int x = 0; x < width; ++x) {
+        const double model = std::max(0.0, columns.col(x).dot(along));
         sum += model;
-        lowest = std::min(lowest, model / std::max(1e-30, light.coefficients[0]));
-        highest = std::max(highest, model / std::max(1e-30, light.coefficients[0]));
-        result.irradiance.at(x, y, c) = static_cast<float>(model * toIrradiance);
-        const double v = photo.at(x, y, c);
+        lowest = std::min(lowest, model / middleLight);
+        highest = std::max(highest, model / middleLight);
+        result.irradiance.at(region.x0 + x, region.y0 + y, c) = static_cast<float>(model * toIrradiance);
+        const double v = photo.at(region.x0 + x, region.y0 + y, c);
         const double off = (v - options.blackLevel[c]) / std::max(model, 1e-30) - 1;
         if (v < clipAt && std::abs(off) < 0.5) squares += off * off, ++counted;
       }
@@ -218,9 +232,9 @@ Result<WhiteTileCalibration> calibrateWhiteTile(const Image& photo, const Certif
     meanBasis /= pixels;
     // The standard deviation of the light at a place, in the middle of the tile, not of its mean alone.
     const Eigen::VectorXd middle = basisAt(0, 0, order);
-    result.relativeSd[c] = std::sqrt(std::max(middle.dot(light.covariance * middle),
-                                              meanBasis.dot(light.covariance * meanBasis))) /
-                           std::max(1e-30, sum / pixels);
+    const double variance =
+        std::max(middle.dot(light.covariance * middle), meanBasis.dot(light.covariance * meanBasis));
+    result.relativeSd[c] = std::sqrt(std::max(0.0, variance)) / std::max(1e-30, sum / pixels);
     if (counted > 0) residual += squares / counted / 3;
     noise = std::max(noise, counted > 0 ? std::sqrt(squares / counted) : 0);
     brightness = std::max(brightness, sum / pixels);

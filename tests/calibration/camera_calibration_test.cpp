@@ -130,6 +130,26 @@ TEST(CameraCalibration, RecoversASimulatedLens) {
   EXPECT_NEAR(result->views[0].tiltDeg, 0, 1);
   EXPECT_NEAR(result->views[1].tiltDeg, std::atan2(135, 230) * 180 / M_PI, 3);
 
+  // What the views reach, and what is asked for next.
+  const CalibrationCoverage one = coverageOf(board, {views[0]}), all = coverageOf(board, views);
+  EXPECT_LT(one.greatestTiltDeg, 3);
+  EXPECT_THAT(one.advice.front(), HasSubstr("tilt the board"));
+  EXPECT_THAT(one.advice.back(), HasSubstr("9 further views"));
+  EXPECT_GT(all.imageShare, one.imageShare);
+  EXPECT_GT(all.greatestTiltDeg, 25);
+  EXPECT_LT(all.advice.size(), one.advice.size());
+  int corners = 0;
+  for (const int cell : all.corners) corners += cell;
+  EXPECT_EQ(corners, 12 * board.cornerCount());
+  EXPECT_FALSE(calibrateCamera(board, {views[0], views[0], views[0]}).ok())
+      << "parallel views tell no focal length";
+  EXPECT_FALSE(calibrateCamera(board, {views[0], views[1]}).ok());
+  JobContext stopped;
+  std::stop_source source;
+  source.request_stop();
+  stopped.stop = source.get_token();
+  EXPECT_EQ(calibrateCamera(board, views, {}, stopped).error().code, ErrorCode::Cancelled);
+
   // A view that was shaken while its corners were found is flagged, and taking it out helps.
   std::vector<CalibrationView> shaken = views;
   std::mt19937 random(5);
