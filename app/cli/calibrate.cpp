@@ -234,7 +234,8 @@ void addCalibrateCamera(CLI::App& parent, Context& context) {
   verb->add_flag("--one-focal-length", arguments->options.oneFocalLength,
                  "fx = fy: for pixels known to be square");
   verb->add_option("--leave-out", arguments->leaveOut,
-                   "A photograph (its file's name) that is judged but not used")
+                   "A photograph (its file's name) that is judged but not used; may be given again")
+      ->allow_extra_args(false)
       ->option_text("NAME");
   verb->callback([arguments, &context] {
     context.run = [arguments, &context] { return runCamera(*arguments, context); };

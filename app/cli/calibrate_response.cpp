@@ -79,12 +79,14 @@ void addCalibrateResponse(CLI::App& parent, Context& context) {
   verb->add_option("--exposures", arguments->exposures, "Seconds of each photograph, in their order")
       ->required()
       ->option_text("S,S,...");
-  verb->add_option("--dark", arguments->dark, "Photographs with the lens covered: black level and noise")
+  verb->add_option("--dark", arguments->dark,
+                   "A photograph with the lens covered, for black level and noise; may be given again")
+      ->allow_extra_args(false)
       ->option_text("PHOTO");
   verb->add_option("--knots", arguments->options.knots, "Knots of the curve [default: 256]")
       ->check(CLI::Range(16, 1024))
       ->option_text("N");
-  verb->add_option("--smoothness", arguments->options.smoothness, "More: smoother [default: 4]")
+  verb->add_option("--smoothness", arguments->options.smoothness, "More: smoother [default: 1]")
       ->check(CLI::PositiveNumber)
       ->option_text("W");
   verb->callback([arguments, &context] {

@@ -1,6 +1,7 @@
 #include "engine/base/least_squares.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <stdexcept>
 
@@ -71,11 +72,13 @@ LeastSquaresSolution minimiseSquares(const ResidualFunction& function, const Eig
   }
   // Scaled, so that singular means singular and not a choice of units.
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::LDLT<Eigen::MatrixXd> factors(scaled);
-  solution.determined = factors.info() == Eigen::Success && factors.isPositive() && factors.rcond() > 1e-14;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(scaled);
+  const Eigen::VectorXd& values = spectrum.eigenvalues();
+  solution.determined = spectrum.info() == Eigen::Success && values[0] > 1e-14 * values[n - 1];
   if (solution.determined)
-    solution.inverseNormal =
-        scale.asDiagonal() * factors.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
+    solution.inverseNormal = scale.asDiagonal() * spectrum.eigenvectors() *
+                             values.cwiseInverse().asDiagonal() * spectrum.eigenvectors().transpose() *
+                             scale.asDiagonal();
   return solution;
 }
 

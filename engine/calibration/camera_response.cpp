@@ -17,7 +17,7 @@ namespace {
 constexpr int kCandidates = 40000;  // places that are looked at before some are chosen
 constexpr int kBrightnessBins = 40;
 constexpr int kRounds = 6;              // of reweighting
-constexpr double kExponentStep = 0.2;   // what the curve's exponent may change by over 1/255, at smoothness 1
+constexpr double kExponentStep = 0.01;  // what the curve's exponent may change by over 1/255, at smoothness 1
 constexpr double kLeastNoise = 0.0005;  // of a pixel value: a perfect bracket must not divide by zero
 constexpr double kSmallestSlope = 0.2;  // exponents below are plateaus, where a value says little
 constexpr int kFewestPlaces = 60;
@@ -156,7 +156,7 @@ Curve solveCurve(const std::vector<Place>& places, const std::vector<double>& lo
         byPhoto[reading.photo].push_back(off);
         const double huber = 2.5 * noise;
         if (round > 0 && std::abs(inValues) > huber) weight[i] *= huber / std::abs(inValues);
-        if (std::abs(inValues) < 4 * noise) sum += off * off, ++count;
+        sum += weight[i] * off * off, count += weight[i];
       }
       // Rows of this place minus their weighted mean: the radiance is gone.
       weights = 0;

@@ -22,7 +22,8 @@ struct ExposedPhoto {
 
 struct ResponseOptions {
   int knots = 256;        ///< of the curve, 16 to 1024
-  double smoothness = 4;  ///< weight of its second derivative against a pixel's error; more: smoother
+  double smoothness = 1;  ///< how firmly its local exponent is held, > 0; more: smoother. Exposures that all
+                          ///< differ by one factor leave the curve between two such steps to it
   int samplesPerChannel =
       600;  ///< places of the picture, spread over its brightness; more: less noise, slower
   double lowest = 0.01, highest = 0.99;  ///< pixel values beyond count as black or clipped
@@ -37,7 +38,7 @@ struct Linearity {
 
 struct CameraResponse {
   std::array<ResponseCurve, 3> curves;  ///< R G B: light over pixel value, light 1 at value 1
-  std::array<double, 3> residual{};     ///< RMS of ln(light) that exposures disagree by
+  std::array<double, 3> residual{};  ///< RMS of ln(light) that exposures disagree by, weighted as in the fit
   std::array<double, 3> coveredFrom{},
       coveredTo{};                    ///< pixel values that data decided; smooth continuation beyond
   Linearity linearity;                ///< of G

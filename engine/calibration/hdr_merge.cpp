@@ -116,12 +116,11 @@ Result<MergedRadiance> mergeExposures(const std::vector<ExposedPhoto>& photos, c
       const double black = options.blackLevel[static_cast<int>(at % 3)];
       const double a = ordered[j - 1]->image.samples()[at] - black,
                    b = ordered[j]->image.samples()[at] - black;
-      const auto speaks = [&](double v) {
-        return v + black < 0.9 * options.saturation &&
-               v > 10 * std::sqrt(options.shot * std::max(v, 0.0) + options.read * options.read);
-      };
-      if (speaks(a) && speaks(b))
-        ratio.push_back(std::log(b / ordered[j]->exposureS * ordered[j - 1]->exposureS / a));
+      // Judged by the longer one alone: choosing by the shorter one's own noise would favour its bright ones.
+      const double expected = b * ordered[j - 1]->exposureS / ordered[j]->exposureS;
+      if (b + black < 0.9 * options.saturation && a > 0 &&
+          expected > 10 * std::sqrt(options.shot * std::max(expected, 0.0) + options.read * options.read))
+        ratio.push_back(std::log(expected / a));
     }
     const auto middle = ratio.begin() + static_cast<std::ptrdiff_t>(ratio.size() / 2);
     if (ratio.size() >= 20) std::nth_element(ratio.begin(), middle, ratio.end());

@@ -99,7 +99,7 @@ class PaperModel {
 };
 
 Result<PaperData> readPaper(const FourierCapture& capture, int points, const JobContext& job) {
-  // Groups of pixels, about as many as points are wanted: their noise averages out.
+  // Large photographs are grouped as they are read.
   const int size = std::max(2, static_cast<int>(std::lround(std::sqrt(points))));
   Result<SiteSet> sites = makeSites(capture, size);
   if (!sites) return sites.error();
@@ -120,31 +120,49 @@ Result<PaperData> readPaper(const FourierCapture& capture, int points, const Job
   if (kept.size() < 3)
     return Error{ErrorCode::Invalid, "the bundle has fewer than three frequencies up to 8",
                  capture.folder.string(), "photograph the paper with the same patterns as a sample"};
-  // No more points than asked for, evenly over the sheet.
-  const std::size_t step =
-      std::max<std::size_t>(1, measured->sites.size() / static_cast<std::size_t>(std::max(1, points)));
-  const int mostPixels =
-      *std::max_element(measured->sites.pixelCount.begin(), measured->sites.pixelCount.end());
-  for (std::size_t s = 0; s < measured->sites.size(); s += step) {
-    // A group cut by the sheet's edge holds pixels that are half something else.
-    if (measured->clipped[s] || measured->windowClipped(s) || !measured->droppedRows(s).empty() ||
-        measured->sites.pixelCount[s] * 2 < mostPixels)
-      continue;
-    data.pointMm.push_back(measured->sites.pointMm[s].cast<double>());
-    for (int c = 0; c < 3; ++c) {
-      data.values.push_back(measured->dc[s * 3 + static_cast<std::size_t>(c)]);
-      data.noiseSquares += measured->dcVariance(s, c);
-      data.sd.push_back(std::sqrt(measured->dcVariance(s, c)));
-    }
-    data.values.insert(data.values.end(), 3, 0.0);
-    data.sd.insert(data.sd.end(), 3, 1.0);  // 0 on both sides
+  // Means over a grid of as many places as points are asked for: every pixel counts, and noise averages out.
+  struct Place {
+    Eigen::Vector2d pointMm = Eigen::Vector2d::Zero();
+    std::vector<double> values, variances;  ///< as in PaperData
+    double pixels = 0;
+  };
+  std::vector<Place> places(static_cast<std::size_t>(size) * size);
+  const std::size_t width = data.frequencies.size() * 6;
+  for (std::size_t s = 0; s < measured->sites.size(); ++s) {
+    if (measured->clipped[s] || measured->windowClipped(s) || !measured->droppedRows(s).empty()) continue;
+    const Eigen::Vector2d point = measured->sites.pointMm[s].cast<double>();
+    const auto cellOf = [&](double mm, double sideMm) {
+      return std::clamp(static_cast<int>((mm / sideMm + 0.5) * size), 0, size - 1);
+    };
+    Place& place = places[static_cast<std::size_t>(cellOf(point.y(), capture.sampleHeightMm)) * size +
+                          static_cast<std::size_t>(cellOf(point.x(), capture.sampleWidthMm))];
+    place.values.resize(width), place.variances.resize(width);
+    const double pixels = measured->sites.pixelCount[s];
+    const auto add = [&](std::size_t at, double value, double variance) {
+      place.values[at] += pixels * value;
+      place.variances[at] += pixels * pixels * variance;
+    };
+    for (int c = 0; c < 3; ++c)
+      add(static_cast<std::size_t>(c), measured->dc[s * 3 + static_cast<std::size_t>(c)],
+          measured->dcVariance(s, c));
     const SiteBlock block = measured->store.block(s, 1, MeasurementStore::kZ);
-    for (const int f : kept)
-      for (int k = 0; k < 6; ++k) {
-        data.values.push_back(block.z(s)[f * 6 + k]);
-        data.sd.push_back(std::sqrt(measured->variance(s, k % 3)));
-        data.noiseSquares += measured->variance(s, k % 3);
-      }
+    for (std::size_t f = 0; f < kept.size(); ++f)
+      for (int k = 0; k < 6; ++k)
+        add((f + 1) * 6 + static_cast<std::size_t>(k), block.z(s)[kept[f] * 6 + k],
+            measured->variance(s, k % 3));
+    place.pointMm += pixels * point;
+    place.pixels += pixels;
+  }
+  for (const Place& place : places) {
+    if (!(place.pixels > 0)) continue;
+    data.pointMm.push_back(place.pointMm / place.pixels);
+    for (std::size_t i = 0; i < width; ++i) {
+      data.values.push_back(place.values[i] / place.pixels);
+      const double variance = place.variances[i] / (place.pixels * place.pixels);
+      data.noiseSquares += variance;
+      data.sd.push_back(variance > 0 ? std::sqrt(variance)
+                                     : 1.0);  // the zero frequency has no imaginary part
+    }
   }
   if (const auto failure = measured->store.failure()) return *failure;
   for (const double v : data.values) data.squares += v * v;

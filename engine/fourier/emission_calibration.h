@@ -25,7 +25,7 @@ struct EmissionCalibration {
   double gainSd = 0;
   Eigen::Vector3d channelGain = Eigen::Vector3d::Ones();  ///< of R G B over emission.gain: the camera's and
                                                           ///< the screen's colours
-  Eigen::Vector3d albedo = Eigen::Vector3d::Ones();  ///< that was assumed
+  Eigen::Vector3d albedo = Eigen::Vector3d::Ones();       ///< that was assumed
   double radianceScale = 1;  ///< that makes the screen's white, seen head-on, 1: for capture.json
   double residual = 0;       ///< relative RMS of measurements minus model
   double noise = 0;          ///< what noise alone would leave

@@ -4,8 +4,8 @@
 
 #include "engine/calibration/calibration_file.h"
 
-/// Any bytes as a calibration: a calibration or a sentence, never a crash; and what is accepted is written and
-/// accepted again, as the same.
+/// Any bytes as a calibration: a calibration or a sentence, never a crash; and what is accepted is written
+/// and accepted again, as the same.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   const auto record = patina::parseCalibration(text, "calibration.json");
