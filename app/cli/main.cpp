@@ -88,6 +88,7 @@ int runProgram(int argc, char** argv) {
   addPlanVerb(program, context);
   addExpectVerb(program, context);
   addBasisVerb(program, context);
+  addCalibrateVerb(program, context);
   addMissingVerbs(program, context);
   program.allow_extras();  // after the verbs, which would inherit it: an unknown verb is told from an unknown
                            // option below

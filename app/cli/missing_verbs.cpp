@@ -11,7 +11,6 @@ void addMissingVerbs(CLI::App& program, Context& context) {
 #ifndef PATINA_HAS_EXPLAIN
       {"explain", "finding out which effect a fit misses"},
 #endif
-      {"calibrate", "calibrating a rig from photographs"},
       {"render", "rendering a fit"},
       {"export", "exporting for other programs"}};
   for (const Missing& missing : kMissing) {

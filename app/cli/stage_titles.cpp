@@ -37,7 +37,11 @@ std::string stageTitle(std::string_view stage) {
       {"report", "Writing the report"},
       {"check", "Checking the rig"},
       {"photograph", "Photographing"},
-      {"latency", "Measuring the screen's latency"}};
+      {"latency", "Measuring the screen's latency"},
+      {"boards", "Looking for boards"},
+      {"lens", "Fitting the lens"},
+      {"response", "Recovering the response"},
+      {"emission", "Fitting the screen's emission"}};
   const auto found = titles.find(stage);
   return found != titles.end() ? found->second : std::string(stage);
 }

@@ -53,6 +53,7 @@ void addCaptureVerb(CLI::App& program, Context& context);  // capture.cpp
 void addPlanVerb(CLI::App& program, Context& context);
 void addExpectVerb(CLI::App& program, Context& context);
 void addBasisVerb(CLI::App& program, Context& context);
+void addCalibrateVerb(CLI::App& program, Context& context);  // calibrate.cpp
 /// The contract's verbs that this version doesn't have: not listed, and typing one says so.
 void addMissingVerbs(CLI::App& program, Context& context);
 

@@ -1,107 +1,116 @@
 #include "engine/image/jpeg.h"
 
 #include <csetjmp>
+#include <cstdint>
 #include <cstdio>
-// after <cstdio>, which it needs
+#include <vector>
+// jpeglib.h needs stdio before it.
 #include <jpeglib.h>
 
 #include "engine/base/file.h"
+#include "engine/base/text.h"
 
 namespace patina {
 namespace {
 
-struct Failure {
-  jpeg_error_mgr manager;
-  std::jmp_buf back;
-  char sentence[JMSG_LENGTH_MAX] = "";
-  bool warned = false;
+/// libjpeg jumps over stack frames when something is wrong; nothing that needs a destructor may live in a
+/// function that calls setjmp.
+struct Reader {
+  jpeg_decompress_struct info{};
+  jpeg_error_mgr manager{};
+  std::jmp_buf jump{};
+  char message[JMSG_LENGTH_MAX] = "";
+  bool made = false;
+  ~Reader() {
+    if (made) jpeg_destroy_decompress(&info);
+  }
 };
 
-void leave(j_common_ptr info) {
-  auto* failure = reinterpret_cast<Failure*>(info->err);
-  info->err->format_message(info, failure->sentence);
-  std::longjmp(failure->back, 1);
+void onError(j_common_ptr info) {
+  auto* reader = static_cast<Reader*>(info->client_data);
+  info->err->format_message(info, reader->message);
+  std::longjmp(reader->jump, 1);
 }
 
-/// A warning of the library's is data that was missing or damaged: the picture is not what was taken.
-void noteWarning(j_common_ptr info, int level) {
-  auto* failure = reinterpret_cast<Failure*>(info->err);
-  if (level >= 0 || failure->warned) return;
-  info->err->format_message(info, failure->sentence);
-  failure->warned = true;
+/// Warnings too: "premature end of file" is one, and what follows would be grey.
+void onMessage(j_common_ptr info, int level) {
+  if (level < 0) onError(info);
 }
 
-void saySilently(j_common_ptr) {}
+bool readHeader(Reader* reader, std::string_view bytes) {
+  reader->info.err = jpeg_std_error(&reader->manager);
+  reader->manager.error_exit = onError;
+  reader->manager.emit_message = onMessage;
+  reader->info.client_data = reader;
+  if (setjmp(reader->jump)) return false;
+  jpeg_create_decompress(&reader->info);
+  reader->made = true;
+  jpeg_mem_src(&reader->info, reinterpret_cast<const unsigned char*>(bytes.data()),
+               static_cast<unsigned long>(bytes.size()));
+  jpeg_read_header(&reader->info, TRUE);
+  return true;
+}
 
-/// The library's part, with nothing on the stack that has a destructor: errors jump over it. 0: done; 1: the
-/// library failed; 2: another size; 3: the pixels are too many.
-int decode(Failure& failure, std::string_view bytes, const std::optional<ImageSize>& expected,
-           JpegPixels& out) {
-  jpeg_decompress_struct info;
-  info.err = jpeg_std_error(&failure.manager);
-  failure.manager.error_exit = leave;
-  failure.manager.emit_message = noteWarning;
-  failure.manager.output_message = saySilently;
-  if (setjmp(failure.back)) {
-    jpeg_destroy_decompress(&info);
-    return 1;
-  }
-  jpeg_create_decompress(&info);
-  jpeg_mem_src(&info, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
-  jpeg_read_header(&info, TRUE);
-  out.size = {static_cast<int>(info.image_width), static_cast<int>(info.image_height)};
-  int outcome = 0;
-  if (expected && *expected != out.size) {
-    outcome = 2;
-  } else if (std::int64_t{out.size.width} * out.size.height > kMaxImagePixels) {
-    outcome = 3;
-  }
-  if (outcome != 0) {
-    jpeg_destroy_decompress(&info);
-    return outcome;
-  }
-  info.out_color_space = JCS_RGB;
-  info.dct_method = JDCT_ISLOW;
-  jpeg_start_decompress(&info);
-  const std::size_t row = static_cast<std::size_t>(out.size.width) * 3;
-  out.rgb.resize(row * static_cast<std::size_t>(out.size.height));
-  while (info.output_scanline < info.output_height) {
-    JSAMPROW to = out.rgb.data() + row * info.output_scanline;
-    jpeg_read_scanlines(&info, &to, 1);
-  }
-  jpeg_finish_decompress(&info);
-  jpeg_destroy_decompress(&info);
-  return failure.warned ? 1 : 0;
+bool start(Reader* reader) {
+  if (setjmp(reader->jump)) return false;
+  reader->info.out_color_space = JCS_RGB;
+  jpeg_start_decompress(&reader->info);
+  return true;
+}
+
+bool readRow(Reader* reader, unsigned char* row) {
+  if (setjmp(reader->jump)) return false;
+  JSAMPROW rows[1] = {row};
+  return jpeg_read_scanlines(&reader->info, rows, 1) == 1;
+}
+
+Error damaged(const Reader& reader, const std::string& where) {
+  return {ErrorCode::Malformed, "the JPEG image is truncated or damaged: " + inQuotes(reader.message), where,
+          "save or copy the image again"};
 }
 
 }  // namespace
 
 Result<JpegPixels> decodeJpeg(std::string_view bytes, const std::string& where,
                               std::optional<ImageSize> expected) {
+  Reader reader;
+  if (!readHeader(&reader, bytes)) return damaged(reader, where);
+  const ImageSize size{static_cast<int>(reader.info.image_width), static_cast<int>(reader.info.image_height)};
+  if (static_cast<std::int64_t>(size.width) * size.height > kMaxImagePixels)
+    return Error{ErrorCode::Malformed,
+                 "the JPEG image says it has " + std::to_string(size.width) + " x " +
+                     std::to_string(size.height) + " pixels",
+                 where, "check the file"};
+  if (expected && size != *expected) return wrongSize(size, *expected, where);
+  if (reader.info.jpeg_color_space == JCS_CMYK || reader.info.jpeg_color_space == JCS_YCCK)
+    return Error{ErrorCode::Unsupported, "the JPEG image is in printing colours (CMYK)", where,
+                 "save it as RGB"};
+  if (!start(&reader)) return damaged(reader, where);
+  if (reader.info.output_components != 3)
+    return Error{ErrorCode::Unsupported, "the JPEG image is neither grey nor RGB", where, "save it as RGB"};
   JpegPixels pixels;
-  Failure failure;
-  switch (decode(failure, bytes, expected, pixels)) {
-    case 0:
-      return pixels;
-    case 2:
-      return wrongSize(pixels.size, *expected, where);
-    case 3:
-      return Error{ErrorCode::Malformed, "the picture is absurdly large", where, "check the file"};
-    default:
-      return Error{ErrorCode::Malformed, std::string("this JPEG can't be read: ") + failure.sentence, where,
-                   "take or copy the photograph again"};
-  }
+  pixels.size = size;
+  const std::size_t row = static_cast<std::size_t>(size.width) * 3;
+  pixels.rgb.resize(row * static_cast<std::size_t>(size.height));
+  for (std::size_t y = 0; y < static_cast<std::size_t>(size.height); ++y)
+    if (!readRow(&reader, pixels.rgb.data() + row * y)) return damaged(reader, where);
+  return pixels;
 }
 
-Result<Image> readJpeg(const std::filesystem::path& file, std::optional<ImageSize> expected) {
-  const Result<std::string> bytes = readFile(file, kMaxImageFileBytes);
-  if (!bytes) return bytes.error();
-  const Result<JpegPixels> pixels = decodeJpeg(*bytes, file.string(), expected);
+Result<Image> readJpegBytes(std::string_view bytes, const std::string& where,
+                            std::optional<ImageSize> expected) {
+  const Result<JpegPixels> pixels = decodeJpeg(bytes, where, expected);
   if (!pixels) return pixels.error();
   Image image(pixels->size.width, pixels->size.height, 3);
   for (std::size_t i = 0; i < pixels->rgb.size(); ++i)
     image.samples()[i] = static_cast<float>(pixels->rgb[i]) / 255.0f;
   return image;
+}
+
+Result<Image> readJpeg(const std::filesystem::path& file, std::optional<ImageSize> expected) {
+  const Result<std::string> bytes = readFile(file, kMaxImageFileBytes);
+  if (!bytes) return bytes.error();
+  return readJpegBytes(*bytes, file.string(), expected);
 }
 
 }  // namespace patina
