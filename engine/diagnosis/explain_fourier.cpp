@@ -80,6 +80,7 @@ class FourierExplainer {
     const auto pictures = sessionPictures(*session_, job_);
     for (std::size_t k = 0; k < pictures.size(); ++k) session_->captures[k].pictures = pictures[k];
     reweigh();
+    settleFootprint();
     baseError_ = sessionError(*session_, job_);
     base_.emplace(*session_);
     out_->chi2Before = baseError_.first.noiseChi2 / std::max(baseError_.first.noiseCount, 1.0);
@@ -97,6 +98,17 @@ class FourierExplainer {
       inflateScatter(session_->captures[k], model, job_);
     }
     refineSession(*session_, 3, job_, false);
+  }
+
+  /// A pixel averages over its own extent: a blur of a variance of up to 1 / 12 pixel^2, which is no defocus.
+  void settleFootprint() {
+    constexpr double kMost = 1.0 / 12;
+    DiagnosisSession few = thinned(*session_, 300);
+    const ScoreTest test = scoreSession(few, wantedFor({"defocus"}), job_);
+    const ScoreResult solved = test.solve({"defocus"});
+    if (solved.estimate.size() != 1 || !(solved.estimate[0] > 3 * solved.sd[0])) return;
+    for (auto& state : session_->states) state.footprint = std::min(solved.estimate[0], kMost);
+    reweigh();
   }
 
   std::vector<Candidate> score(const ScoreTest& test) const {

@@ -312,7 +312,7 @@ void spread(const DiagnosisCapture& capture, const std::vector<float>& pictures,
 
 }  // namespace
 
-void FourierDiagnosisModel::spreadColumns(const DiagnosisSite& site, SiteColumns& out) const {
+void FourierDiagnosisModel::spreadColumns(const DiagnosisSite& site, SiteColumns& out, bool all) const {
   const std::size_t rows = capture_.rowCount();
   const auto put = [&](int column, const std::vector<float>& change, double factor) {
     for (int c = 0; c < 3; ++c)
@@ -333,14 +333,19 @@ void FourierDiagnosisModel::spreadColumns(const DiagnosisSite& site, SiteColumns
       return std::exp(-(dx * dx + dy * dy) / (2 * sigma * sigma));
     };
   };
-  spread(capture_, pictures_->whole, site, 9, 2, gaussian(4), own, change);
-  put(glare, change, 1);
+  if (all || state_.glare != 0) {
+    spread(capture_, pictures_->whole, site, 9, 2, gaussian(4), own, change);
+    put(glare, change, 1);
+  }
   // A blur of variance s adds s / 2 times the Laplacian: by a blur of variance 0.49, per unit.
-  spread(capture_, pictures_->whole, site, 2, 1, gaussian(0.7), own, change);
-  put(defocus, change, 1 / 0.49);
+  if (all || state_.defocus != 0 || state_.footprint != 0) {
+    spread(capture_, pictures_->whole, site, 2, 1, gaussian(0.7), own, change);
+    put(defocus, change, 1 / 0.49);
+  }
   const float* ownDiffuse = pictures_->diffuse.data() + site.site * rows * 3;
   const double pitch = std::max(capture_.state->measurements.sites.finestPitchMm, 1e-3);
   for (int k = 0; k < 2; ++k) {
+    if (!all && state_.subsurface[static_cast<std::size_t>(k)] == 0) continue;
     const double reachMm = k == 0 ? 2 : 6, radius = std::min(3 * reachMm / pitch, 16.0);
     const auto fade = [&](double, double, const Eigen::Vector2f& p) {
       return std::exp(-(p - site.model.pointMm).norm() / reachMm);
@@ -364,11 +369,11 @@ void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteC
     out.offset.setZero(static_cast<Eigen::Index>(rows), 3);
     if (wanted.geometry) geometryColumns(site, out);
   }
-  const bool lens =
-      state_.glare != 0 || state_.defocus != 0 || state_.subsurface[0] != 0 || state_.subsurface[1] != 0;
+  const double blur = state_.defocus + state_.footprint;
+  const bool lens = state_.glare != 0 || blur != 0 || state_.subsurface[0] != 0 || state_.subsurface[1] != 0;
   if ((everything && wanted.spread) || lens) {
     if (!everything) out.effect.setZero(total, columns_.denseCount());
-    spreadColumns(site, out);
+    spreadColumns(site, out, everything && wanted.spread);
   }
   const int glare = columns_.rangeOf("glare").first, defocus = columns_.rangeOf("defocus").first,
             subsurface = columns_.rangeOf("subsurface").first;
@@ -384,7 +389,7 @@ void FourierDiagnosisModel::evaluate(const DiagnosisSite& site, Want want, SiteC
       double value = out.light[r * 3 + c];
       if (lens) {
         const Eigen::Index row = static_cast<Eigen::Index>(c * rows + r);
-        value += state_.glare * out.effect(row, glare) + state_.defocus * out.effect(row, defocus) +
+        value += state_.glare * out.effect(row, glare) + blur * out.effect(row, defocus) +
                  state_.subsurface[0] * out.effect(row, subsurface) +
                  state_.subsurface[1] * out.effect(row, subsurface + 1);
       }

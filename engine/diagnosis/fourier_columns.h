@@ -62,7 +62,8 @@ struct EffectState {
   Eigen::Matrix<double, 6, 1> height =
       Eigen::Matrix<double, 6, 1>::Zero();  ///< mm: 1, X, Y, X^2, X Y, Y^2, over half the sample
   double glare = 0, defocus = 0;            ///< share; pixels^2
-  std::array<double, 2> subsurface{};       ///< shares of the two distances
+  double footprint = 0;  ///< pixels^2: the blur that a pixel's own extent is, up to 1 / 12; no effect
+  std::array<double, 2> subsurface{};  ///< shares of the two distances
   struct Material {
     double fresnelPower = 5, iridescence[2] = {0, 0};
     double stretch[2] = {0, 0};
@@ -145,7 +146,8 @@ class FourierDiagnosisModel {
   QuadratureSite moved(const QuadratureSite& site, int axis, double shiftMm, double heightMm) const;
   std::array<double, 2> planeOfView(const QuadratureSite& site) const;
   void geometryColumns(const DiagnosisSite& site, SiteColumns& out) const;
-  void spreadColumns(const DiagnosisSite& site, SiteColumns& out) const;
+  /// `all`: every column; else those that the state needs.
+  void spreadColumns(const DiagnosisSite& site, SiteColumns& out, bool all) const;
 
   const DiagnosisCapture& capture_;
   const EffectColumns& columns_;

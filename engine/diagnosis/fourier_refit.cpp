@@ -149,7 +149,7 @@ ScoreTest scoreSession(DiagnosisSession& session, const WantedColumns& wanted, c
   ScoreTest test;
   for (std::size_t k = 0; k < session.captures.size(); ++k) {
     FourierDiagnosisModel model = modelOf(session, k);
-    if (wanted.spread) model.setPictures(session.captures[k].pictures);
+    model.setPictures(session.captures[k].pictures);
     test.add(session.captures[k], model, session.columns, job, wanted, session.materialOffset(k));
   }
   return test;
