@@ -48,11 +48,6 @@ TEST(CameraCalibration, FitsTheRealChessboards) {
   const Result<CameraCalibration> result = calibrateCamera(board, views);
   ASSERT_TRUE(result.ok()) << result.error().sentence();
   EXPECT_LE(result->rmsPx, kRealRmsPx);
-  for (const CalibratedView& view : result->views)
-    std::printf("%s rms %.3f worst %.2f tilt %.1f towards %.0f %s\n", view.name.c_str(), view.rmsPx,
-                view.worstPx, view.tiltDeg, view.tiltTowardsDeg, view.remark.c_str());
-  std::printf("rms %.4f px, sd of a corner %.4f, prediction %.3f px\n", result->rmsPx, result->cornerSdPx,
-              result->predictionSdPx);
   // OpenCV's own calibration (fx = fy there, and coarser corners: its mean error is 0.39 px) within what both
   // are uncertain by.
   EXPECT_NEAR(result->camera.intrinsics(0, 0), 535.9, 5);
@@ -60,10 +55,7 @@ TEST(CameraCalibration, FitsTheRealChessboards) {
   EXPECT_NEAR(result->camera.intrinsics(0, 2), 342.3, 4);
   EXPECT_NEAR(result->camera.intrinsics(1, 2), 235.6, 4);
   EXPECT_NEAR(result->camera.distortion[0], -0.266, 0.03);
-  std::printf("fx %.2f+-%.2f fy %.2f cx %.2f+-%.2f cy %.2f k1 %.4f+-%.4f\n", result->camera.intrinsics(0, 0),
-              result->sd[0], result->camera.intrinsics(1, 1), result->camera.intrinsics(0, 2), result->sd[2],
-              result->camera.intrinsics(1, 2), result->camera.distortion[0], result->sd[4]);
-  for (const std::string& advice : result->coverage.advice) std::printf("advice: %s\n", advice.c_str());
+  EXPECT_THAT(result->coverage.advice.front(), HasSubstr("top left"));  // where these views have no corner
 }
 
 Camera truth() {
@@ -124,9 +116,6 @@ TEST(CameraCalibration, RecoversASimulatedLens) {
   off(result->camera.intrinsics(1, 2), 262, 3);
   EXPECT_LT(result->sd[0], 1.0);
   EXPECT_LT(result->rmsPx, 0.06);
-  std::printf("fx %.3f+-%.3f fy %.3f cx %.3f+-%.3f cy %.3f rms %.4f\n", result->camera.intrinsics(0, 0),
-              result->sd[0], result->camera.intrinsics(1, 1), result->camera.intrinsics(0, 2), result->sd[2],
-              result->camera.intrinsics(1, 2), result->rmsPx);
   EXPECT_NEAR(result->views[0].tiltDeg, 0, 1);
   EXPECT_NEAR(result->views[1].tiltDeg, std::atan2(135, 230) * 180 / M_PI, 3);
 

@@ -40,12 +40,6 @@ TEST(EmissionCalibration, IsFoundFromWhitePaper) {
   const Result<EmissionCalibration> found = calibrateEmission(*capture, known);
   ASSERT_TRUE(found.ok()) << found.error().sentence();
   EXPECT_TRUE(found->converged);
-  std::printf(
-      "mean %.4f +- %.4f, sigma %.4f %.4f +- %.4f %.4f, gain %.4f +- %.4f, residual %.5f noise %.5f, %d "
-      "iterations, %d points\n",
-      found->emission.mean.y(), found->meanSd.y(), found->emission.sigma.x(), found->emission.sigma.y(),
-      found->sigmaSd.x(), found->sigmaSd.y(), found->emission.gain, found->gainSd, found->residual,
-      found->noise, found->iterations, found->points);
   EXPECT_NEAR(found->emission.gain, 1.08, 1.08 * kStatedBound);
   EXPECT_NEAR(found->emission.sigma.x(), 1.7, 1.7 * kStatedBound);
   EXPECT_NEAR(found->emission.sigma.y(), 1.35, 1.35 * kStatedBound);
@@ -73,7 +67,6 @@ TEST(EmissionCalibration, ReadsABundleOfAnotherMaker) {
   EXPECT_TRUE(found->converged);
   EXPECT_EQ(found->albedo, capture->known->albedo);
   EXPECT_LT(found->residual, 0.02);
-  std::printf("residual %.4f, noise %.5f, %d points\n", found->residual, found->noise, found->points);
 }
 
 }  // namespace

@@ -104,12 +104,6 @@ TEST(ScreenPose, IsFoundFromOnePhotographOfAMirror) {
     EXPECT_LT(screen.distanceMm, 5 * found->screenPositionSdMm);
     EXPECT_LT(found->rmsPx, 0.1);
     EXPECT_TRUE(found->warnings.empty()) << found->warnings.front();
-    std::printf(
-        "height %.0f: screen %.4f deg (sd %.4f) %.4f mm (sd %.4f), camera %.4f deg %.4f mm (sd %.4f), rms "
-        "%.3f %.3f px\n",
-        height, screen.angleDeg, found->screenAngleSdDeg, screen.distanceMm, found->screenPositionSdMm,
-        camera.angleDeg, camera.distanceMm, found->cameraPositionSdMm, found->sampleRmsPx,
-        found->mirroredRmsPx);
   }
 }
 

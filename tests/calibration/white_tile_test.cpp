@@ -68,7 +68,6 @@ TEST(WhiteTile, FindsTheIrradianceOfEveryPixel) {
     EXPECT_GT(found->relativeSd[c], 0);
     EXPECT_LT(found->relativeSd[c], kStatedBound);
   }
-  std::printf("worst %.5f, stated sd %.6f\n", scene.worstError(*found), found->relativeSd[0]);
 }
 
 TEST(WhiteTile, IsNotPulledByAShadowAndNamesIt) {
