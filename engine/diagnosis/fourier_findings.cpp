@@ -24,14 +24,16 @@ std::string materialName(const DiagnosisSession& session, std::size_t k) {
   return session.captures[0].clusterCount > 1 ? "material " + std::to_string(k + 1) : "";
 }
 
-double rootMeanSquare(const std::vector<double>& values, const DiagnosisCapture& capture) {
-  double sum = 0, n = 0;
+/// About their mean, fitted photographs: a factor that all share belongs to the albedos.
+double scatterOf(const std::vector<double>& values, const DiagnosisCapture& capture) {
+  double sum = 0, square = 0, n = 0;
   for (std::size_t r = 0; r < values.size(); ++r) {
     if (capture.rows[r].holdout) continue;
-    sum += values[r] * values[r];
+    sum += values[r];
+    square += values[r] * values[r];
     ++n;
   }
-  return n > 0 ? std::sqrt(sum / n) : 0;
+  return n > 0 ? std::sqrt(std::max(0.0, square / n - sum * sum / (n * n))) : 0;
 }
 
 /// Standard deviation of a column's number in the last solution; 0 where it has none.
@@ -165,9 +167,9 @@ std::vector<EffectEstimate> effectParameters(const DiagnosisSession& session, st
       change += state.drift[static_cast<std::size_t>(k)] * (driftCurve(k, 1) - driftCurve(k, 0));
     put("totalChange", "", change, sd("slow"));
   } else if (id == "flicker") {
-    put("perPhoto", "", rootMeanSquare(state.photoGain, capture), 0);
+    put("perPhoto", "", scatterOf(state.photoGain, capture), 0);
   } else if (id == "ambient-drift") {
-    put("perPhoto", "of full scale", rootMeanSquare(state.photoOffset, capture) / capture.fullScale, 0);
+    put("perPhoto", "of full scale", scatterOf(state.photoOffset, capture) / capture.fullScale, 0);
   } else if (id == "screen-pose") {
     put("tiltDeg", "degrees", state.pose.head<3>().norm() * kDegrees, sd("turn x") * kDegrees);
     put("shiftMm", "mm", state.pose.tail<3>().norm(), sd("shift z"));

@@ -72,6 +72,29 @@ TEST(ExplainFourier, NamesAnUnevenScreen) {
   EXPECT_EQ(e->effects.front().id, "emission-spatial");
 }
 
+TEST(ExplainFourier, SeesALensOutOfFocusBesideBorders) {
+  PATINA_NEEDS_SHARED("fourier/unknown_2");
+  const ExplanationPtr e = explained({"unknown_2"});
+  ASSERT_FALSE(e->effects.empty());
+  EXPECT_EQ(e->effects.front().id, "defocus");
+  // One pixel in the truth; the pictures that it is predicted from are blurred already.
+  EXPECT_NEAR(parameter(e->effects.front(), "sigmaPx"), 0.7, 0.35);
+}
+
+TEST(ExplainFourier, FindsHorizonsOfSinglePlaces) {
+  PATINA_NEEDS_SHARED("fourier/unknown_3");
+  const ExplanationPtr e = explained({"unknown_3"});
+  ASSERT_FALSE(e->effects.empty());
+  const EffectFinding& found = e->effects.front();
+  EXPECT_EQ(found.id, "self-shadowing");
+  EXPECT_GT(e->before.holdoutRms, 1.4 * e->noiseFloorHoldout);
+  EXPECT_LT(e->after.holdoutRms, 1.15 * e->noiseFloorHoldout);
+  const double share = parameter(found, "share");
+  EXPECT_GT(share, 0.05);
+  EXPECT_LT(share, 0.4) << "most places of that sheet see the whole screen";
+  ASSERT_TRUE(found.maps.contains("horizon_deg"));
+}
+
 TEST(ExplainFourier, StopsSoonWhenAsked) {
   PATINA_NEEDS_SHARED("fourier/unknown_4");
   std::stop_source stop;

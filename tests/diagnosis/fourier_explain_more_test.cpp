@@ -1,0 +1,48 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "engine/diagnosis/explanation.h"
+#include "tests/test_data.h"
+
+// The slower ones of the shared bundles: measured materials, and bundles explained together.
+namespace patina::test {
+namespace {
+
+ExplanationPtr explained(const std::vector<std::string>& bundles) {
+  std::vector<std::filesystem::path> folders;
+  for (const auto& bundle : bundles) folders.push_back(sharedData() / "fourier" / bundle);
+  auto result = explain(folders, {}, {});
+  EXPECT_TRUE(result) << (result ? "" : result.error().sentence());
+  return result ? *result : std::make_shared<Explanation>();
+}
+
+std::string firstOf(const Explanation& e) {
+  return e.effects.empty() ? "" : e.effects.front().id;
+}
+
+TEST(ExplainFourierSlow, SeesAScreenWarmUpThroughMaterialsThatTheLobeDoesNotFollow) {
+  PATINA_NEEDS_SHARED("fourier/unknown_6");
+  const ExplanationPtr e = explained({"unknown_6"});
+  EXPECT_EQ(firstOf(*e), "screen-drift");
+  EXPECT_LT(e->after.holdoutRms, 0.5 * e->before.holdoutRms);
+}
+
+TEST(ExplainFourierSlow, TwoViewsOfASheetShareAnUnevenScreen) {
+  PATINA_NEEDS_SHARED("fourier/unknown_7_view_2");
+  EXPECT_EQ(firstOf(*explained({"unknown_7_view_1", "unknown_7_view_2"})), "emission-spatial");
+}
+
+TEST(ExplainFourierSlow, AWhitePaperUnderTheSameScreenShowsItsEmission) {
+  PATINA_NEEDS_SHARED("fourier/unknown_8_paper");
+  EXPECT_EQ(firstOf(*explained({"unknown_8", "unknown_8_paper"})), "emission-angular");
+}
+
+TEST(ExplainFourierSlow, AddsNothingToCleanSheets) {
+  PATINA_NEEDS_SHARED("fourier/clean_laminate");
+  for (const char* bundle : {"clean_laminate", "clean_cardstock"})
+    EXPECT_EQ(firstOf(*explained({bundle})), "");
+}
+
+}  // namespace
+}  // namespace patina::test
