@@ -68,7 +68,7 @@ TEST(CliExplain, BadInputExitsWithThreeAndLeavesNothing) {
        {std::vector<std::string>{"nowhere"}, {"broken"}, {"b", "nowhere"}, {"b", "broken"}}) {
     std::vector<std::string> arguments{"explain"};
     for (const std::string& bundle : bundles) arguments.push_back((folder / bundle).string());
-    arguments.insert(arguments.end(), {"--out", (folder / "o").string(), "--texels", "50"});
+    arguments.insert(arguments.end(), {"--out", (folder / "o").string(), "--texels", "100"});
     const Finished finished = cli(arguments);
     EXPECT_EQ(finished.status, 3) << bundles.back() << ": " << finished.err;
     EXPECT_THAT(finished.err, HasSubstr("Error: "));
@@ -83,7 +83,7 @@ TEST(CliExplain, LeavesReportNumbersAndFitAndSaysItInWords) {
   const auto bundle = test::everythingIn(folder / "b");
   const fs::path out = folder / "new" / "out";
   const Finished finished =
-      cli({"explain", (folder / "b").string(), "--out", out.string(), "--texels", "60", "--stats"});
+      cli({"explain", (folder / "b").string(), "--out", out.string(), "--texels", "100", "--stats"});
   ASSERT_EQ(finished.status, 0) << finished.err;
   for (const char* text : {"standard model", "Error on", "report.html", "Time, s"})
     EXPECT_THAT(finished.out, HasSubstr(text));
