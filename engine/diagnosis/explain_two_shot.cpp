@@ -230,12 +230,16 @@ class Explainer {
       return false;
     }
     attempt.evidence.wholeRatio = wholeRatio(**fit, *after);
+    const auto over = [](double with, double without) {
+      return with >= 0 && without > 0 ? with / without : 0;
+    };
+    attempt.evidence.wholeSumRatio = over((*fit)->stats.holdoutRms, after->stats.holdoutRms);
+    attempt.evidence.wholeFitRatio = over((*fit)->stats.fitRms, after->stats.fitRms);
     verifyWhole(attempt.evidence, attempt.verdict);
     job_.progress("refit", 1, 1, "fits");
     if (rounds_ && !rounds_->empty())
       for (TwoShotEvidence& e : rounds_->back())
-        if (e.id == attempt.evidence.id && e.variant == attempt.evidence.variant)
-          e.wholeRatio = attempt.evidence.wholeRatio;
+        if (e.id == attempt.evidence.id && e.variant == attempt.evidence.variant) e = attempt.evidence;
     if (!attempt.verdict.passes) return false;
     steps_.push_back((*fit)->stats.holdoutRms);
     after = *fit;
@@ -278,7 +282,7 @@ class Explainer {
     if (rounds_) rounds_->push_back({attempt.evidence});
     if (attempt.verdict.passes && proven(attempt, after)) {
       taken.insert(candidate->id);
-      confidence_[candidate->id] = confidenceOf(attempt.verdict.gain);
+      confidence_[candidate->id] = confidenceOf(attempt.evidence, attempt.verdict.gain);
       search_->accept(attempt.deviation);
       added.push_back(attempt);
     }
@@ -309,12 +313,7 @@ class Explainer {
       out_->confusable.push_back(group);
       out_->suggest.push_back({group[0], group[1], decidingCapture(group[0], group[1]), 0});
     }
-    confidence_[id] = confidenceOf(best.verdict.gain - (group.size() > 1 ? 0 : runnerUp));
-  }
-
-  /// `margin`: ln odds over the second best.
-  static double confidenceOf(double margin) {
-    return std::clamp(1 - 0.5 * std::exp(-margin / 25), 0.5, 0.98);
+    confidence_[id] = confidenceOf(best.evidence, best.verdict.gain - (group.size() > 1 ? 0 : runnerUp));
   }
 
   Result<TwoShotFitPtr> refit(const TwoShotDeviation& deviation, const TwoShotFitPtr& without) {

@@ -28,7 +28,7 @@ constexpr double kHint = 3, kOverwhelming = 3, kHintedHeld = 0.85;
 constexpr double kSmallestReach = 0.002;
 /// Where a material is farther from the basis than this even with an effect, natural-log units, the
 /// photographs' probability says little about the set-up.
-constexpr double kFarGrain = 0.3, kFarFine = 0.7, kFarBroad = 1.0;
+constexpr double kFarGrain = 0.3, kFarFine = 0.7, kFarBroad = 1.5;
 /// A second effect must make held-out photographs better by this: the first one's leftovers look like
 /// effects.
 constexpr double kFurtherHeld = 0.93;
@@ -45,7 +45,11 @@ constexpr double kFreeHeld = 0.8, kFreeBetter = 0.7;
 constexpr double kPlainly = 0.75, kPlainlyShare = 0.7;
 /// The whole reconstruction must gain this with a term of the surface and with an effect of the set-up; where
 /// the surroundings have spoken it must not lose more than the last.
-constexpr double kWholeSurface = 0.88, kWholeFree = 0.75, kWholeSetUp = 0.97, kWholeAround = 1.1;
+constexpr double kWholeSurface = 0.88, kWholeFree = 0.6, kWholeSetUp = 0.97, kWholeAround = 1.1;
+/// A lobe that takes this off the fitted photographs' error of the whole reconstruction need not help others.
+constexpr double kWholeLobeFit = 0.5;
+/// Most that is claimed, and that of the answer that what is missing has no name.
+constexpr double kMostConfidence = 0.98, kFreeConfidence = 0.6;
 /// ln of the odds at which the surroundings have spoken.
 constexpr double kAroundSpeaks = 15;
 
@@ -179,7 +183,8 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   const bool seen =
       e.lnEvidence > needed - kModelDoubt / 2 ||
       (e.lnEvidence > kHint && e.held && e.lnHeld > kOverwhelming * needed && e.heldRatio < kHintedHeld);
-  const bool far = !around && (e.grain > kFarGrain || e.fine > kFarFine || e.broad > kFarBroad);
+  const bool far =
+      !around && !plainlyBetter && (e.grain > kFarGrain || e.fine > kFarFine || e.broad > kFarBroad);
   const bool further = by.round == 0 || around || e.heldRatio < kFurtherHeld;
   out.passes = out.gain > needed && heldAgree && tellable && notWorse && helps && e.reach > kSmallestReach &&
                e.sensible && !far && further && seen;
@@ -217,13 +222,23 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   return out;
 }
 
+double confidenceOf(const TwoShotEvidence& e, double margin) {
+  // That the material is unlike the basis is sure; that nothing with a name is behind it is not.
+  return std::clamp(1 - 0.5 * std::exp(-margin / 25), 0.5, e.free ? kFreeConfidence : kMostConfidence);
+}
+
 void verifyWhole(const TwoShotEvidence& e, TwoShotVerdict& verdict) {
   if (!e.held || !(e.wholeRatio > 0)) return;
   const double most = e.free                       ? kWholeFree
                       : e.surface                  ? kWholeSurface
                       : e.lnAround > kAroundSpeaks ? kWholeAround
                                                    : kWholeSetUp;
-  if (e.wholeRatio <= most) return;
+  // One dark photograph that gains must not pay for a bright one that loses.
+  const bool allLose = !e.surface && e.lnAround <= kAroundSpeaks && e.wholeSumRatio > 1;
+  // Few held-out photographs look where a lobe is: there the fitted ones decide, if the others don't lose.
+  const bool lobeSeen = e.lobe && !e.free && e.wholeFitRatio > 0 && e.wholeFitRatio <= kWholeLobeFit &&
+                        e.wholeRatio <= 1 && e.wholeSumRatio <= 1;
+  if ((e.wholeRatio <= most && !allLose) || lobeSeen) return;
   verdict.passes = false;
   char text[200];
   std::snprintf(

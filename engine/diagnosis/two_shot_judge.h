@@ -25,8 +25,9 @@ struct TwoShotEvidence {
   /// Errors of the reconstruction with over without: fitted photographs, held-out ones (1 where there are
   /// none).
   double fitRatio = 1, heldRatio = 1;
-  /// The same of the whole reconstruction, all pixels; 0: not made.
-  double wholeRatio = 0;
+  /// The same of the whole reconstruction, all pixels; 0: not made. Held-out photographs all together or one
+  /// by one, whichever is kinder; all together; fitted ones all together.
+  double wholeRatio = 0, wholeSumRatio = 0, wholeFitRatio = 0;
   bool held = false;  ///< there are held-out photographs
   /// Share of the held-out photographs that it makes better, and the largest ratio of one of them.
   double heldBetter = 0, heldWorst = 1;
@@ -65,6 +66,9 @@ TwoShotEvidence evidenceOf(const TwoShotCandidate& candidate, const Attempt& att
 
 /// Whether it may be added.
 TwoShotVerdict judge(const TwoShotEvidence& evidence, const JudgedBy& by);
+
+/// That it is the right answer. `margin`: ln odds over the second best.
+double confidenceOf(const TwoShotEvidence& evidence, double margin);
 
 /// Takes a verdict back where the whole reconstruction is not better for it.
 void verifyWhole(const TwoShotEvidence& evidence, TwoShotVerdict& verdict);

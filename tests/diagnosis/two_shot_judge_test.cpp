@@ -71,6 +71,22 @@ TEST(TwoShotJudge, TheWholeReconstructionHasTheLastWord) {
   e.wholeRatio = 1.05;
   verifyWhole(e, verdict);
   EXPECT_FALSE(verdict.passes);
+  verdict = judge(e, kFirst);
+  e.wholeRatio = 0.9, e.wholeSumRatio = 1.2;
+  verifyWhole(e, verdict);
+  EXPECT_FALSE(verdict.passes) << "one photograph's gain pays for the others' loss";
+}
+
+TEST(TwoShotJudge, ALobeThatHeldOutPhotographsDontSeeIsDecidedByTheFittedOnes) {
+  TwoShotEvidence e = plain();
+  e.id = "retroreflection", e.surface = e.lobe = true;
+  TwoShotVerdict verdict = judge(e, kFirst);
+  e.wholeRatio = e.wholeSumRatio = 0.98, e.wholeFitRatio = 0.4;
+  verifyWhole(e, verdict);
+  EXPECT_TRUE(verdict.passes);
+  e.wholeFitRatio = 0.8;
+  verifyWhole(e, verdict);
+  EXPECT_FALSE(verdict.passes);
 }
 
 TEST(TwoShotJudge, AStrengthThatMakesNoSenseIsRefused) {

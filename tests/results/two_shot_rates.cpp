@@ -98,7 +98,9 @@ nlohmann::json evidenceJson(const TwoShotEvidence& e) {
           {"heldRatio", e.heldRatio},
           {"heldBetter", e.heldBetter},
           {"heldWorst", e.heldWorst},
-          {"whole", e.wholeRatio}};
+          {"whole", e.wholeRatio},
+          {"wholeSum", e.wholeSumRatio},
+          {"wholeFit", e.wholeFitRatio}};
 }
 
 double medianShare(const fs::path& bundle, const BasisPtr& basis, const JobContext& job) {
