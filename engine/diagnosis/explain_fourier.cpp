@@ -188,7 +188,7 @@ class FourierExplainer {
         const double share = static_cast<double>(refitSites) / static_cast<double>(std::max<std::size_t>(
                                                                    session_->captures[0].sites.size(), 1));
         if (c.id != "self-shadowing" && c.id != "screen-drift" &&
-            2 * c.score.gain * std::min(1.0, share) < mostImprovement)
+            kFirstOrder * c.score.gain * std::min(1.0, share) < mostImprovement)
           continue;
         DiagnosisSession trial = small;
         std::vector<std::string> effects = added_;
@@ -498,6 +498,7 @@ class FourierExplainer {
   static constexpr double kShadow = 0.015;
   static constexpr double kPlentyOfGain = 3000;  ///< of the score: with as much, kRefitSites tell
   static constexpr double kOrdered = 0.7;
+  static constexpr double kFirstOrder = 6;  ///< a refit gains at most so many times what the score says
 
   ExplainOptions options_;
   JobContext job_;
