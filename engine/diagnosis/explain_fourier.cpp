@@ -101,12 +101,14 @@ class FourierExplainer {
   }
 
   /// A pixel averages over its own extent: a blur of a variance of up to 1 / 12 pixel^2, which is no defocus.
+  /// What is clearly more is left to the search, whole: whether a camera samples or averages isn't known.
   void settleFootprint() {
-    constexpr double kMost = 1.0 / 12;
+    constexpr double kMost = 1.0 / 12, kClearlyMore = 0.15;
     DiagnosisSession few = thinned(*session_, 300);
     const ScoreTest test = scoreSession(few, wantedFor({"defocus"}), job_);
     const ScoreResult solved = test.solve({"defocus"});
     if (solved.estimate.size() != 1 || !(solved.estimate[0] > 3 * solved.sd[0])) return;
+    if (solved.estimate[0] > kClearlyMore) return;
     for (auto& state : session_->states) state.footprint = std::min(solved.estimate[0], kMost);
     reweigh();
   }
