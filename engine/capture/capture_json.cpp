@@ -179,8 +179,7 @@ void requireFourier(JsonObject& file) {
               "themselves");
   }
   if (kind == "flash") {
-    file.fail(ErrorCode::Unsupported, "kind",
-              "this is a 'flash' capture, and not of kind 'fourier'",
+    file.fail(ErrorCode::Unsupported, "kind", "this is a 'flash' capture, and not of kind 'fourier'",
               "open it as a flash capture: the window and patina-cli fit tell the kinds apart by "
               "themselves");
   }

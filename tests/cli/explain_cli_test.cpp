@@ -33,8 +33,8 @@ TEST(CliExplain, HelpSaysWhatItLeavesAndItsDefaults) {
   const Finished help = cli({"explain", "--help"});
   EXPECT_EQ(help.status, 0);
   for (const char* text :
-       {"BUNDLE", "--out", "report.html", "--size", "default: 0", "--texels", "default: 800",
-        "--max-effects", "--false-alarms", "--no-pictures", "--progress", "--threads"})
+       {"BUNDLE", "--out", "report.html", "--size", "default: 0", "--texels", "default: 800", "--max-effects",
+        "--false-alarms", "--no-pictures", "--progress", "--threads"})
     EXPECT_THAT(help.out, HasSubstr(text));
 }
 
