@@ -104,6 +104,15 @@ SurfaceTrial::Errors SurfaceTrial::errors(const TwoShotDeviation& deviation) con
   return out;
 }
 
+bool SurfaceTrial::heldSees(const TwoShotDeviation& deviation) const {
+  constexpr double kMostOfTheLight = 0.5;
+  constexpr std::ptrdiff_t kFewestRows = 12;
+  return std::count_if(held_.begin(), held_.end(), [&](const DiagnosisRow& row) {
+           const Eigen::Array3d lobe = deviation.added(deviation.directions(row.point));
+           return lobe.sum() > kMostOfTheLight * row.seen.sum();
+         }) >= kFewestRows;
+}
+
 SurfaceTrial::Found SurfaceTrial::search(const TwoShotCandidate& candidate, const JobContext& job) const {
   const auto p = static_cast<Index>(candidate.parameters.size());
   // ln of the error, each photograph's and the sum's: the brightest one alone would decide otherwise. A prior

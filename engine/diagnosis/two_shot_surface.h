@@ -24,6 +24,9 @@ class SurfaceTrial {
   };
   Errors errors(const TwoShotDeviation& deviation) const;
 
+  /// Whether what a deviation adds is half of the light or more in a dozen held-out rows.
+  bool heldSees(const TwoShotDeviation& deviation) const;
+
   struct Found {
     Eigen::VectorXd value;
     TwoShotDeviation deviation;
