@@ -105,12 +105,15 @@ SurfaceTrial::Errors SurfaceTrial::errors(const TwoShotDeviation& deviation) con
 }
 
 bool SurfaceTrial::heldSees(const TwoShotDeviation& deviation) const {
-  constexpr double kMostOfTheLight = 0.5;
+  constexpr double kOfThePeak = 0.1;
   constexpr std::ptrdiff_t kFewestRows = 12;
-  return std::count_if(held_.begin(), held_.end(), [&](const DiagnosisRow& row) {
-           const Eigen::Array3d lobe = deviation.added(deviation.directions(row.point));
-           return lobe.sum() > kMostOfTheLight * row.seen.sum();
-         }) >= kFewestRows;
+  const auto lobe = [&](const DiagnosisRow& row) {
+    return deviation.added(deviation.directions(row.point)).sum();
+  };
+  double peak = 0;
+  for (const DiagnosisRow& row : fitted_) peak = std::max(peak, lobe(row));
+  return std::count_if(held_.begin(), held_.end(),
+                       [&](const DiagnosisRow& row) { return lobe(row) > kOfThePeak * peak; }) >= kFewestRows;
 }
 
 SurfaceTrial::Found SurfaceTrial::search(const TwoShotCandidate& candidate, const JobContext& job) const {

@@ -24,7 +24,8 @@ class SurfaceTrial {
   };
   Errors errors(const TwoShotDeviation& deviation) const;
 
-  /// Whether what a deviation adds is half of the light or more in a dozen held-out rows.
+  /// Whether a dozen held-out rows look where what a deviation adds is a tenth or more of the most that
+  /// fitted rows see of it.
   bool heldSees(const TwoShotDeviation& deviation) const;
 
   struct Found {
