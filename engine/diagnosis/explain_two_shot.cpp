@@ -196,6 +196,7 @@ class Explainer {
     JudgedBy by{candidates_.size(), options_.falseAlarmRate, round, 0};
     for (Attempt& attempt : attempts) {
       attempt.evidence = evidenceOf(candidates_[attempt.candidate], attempt, without, data_.shots);
+      if (attempt.surface) attempt.evidence.heldSees = trial.heldSees(attempt.deviation);
       if (judge(attempt.evidence, by).passes) around = std::max(around, attempt.evidence.lnAround);
     }
     by.around = around;

@@ -14,6 +14,8 @@ constexpr double kModelDoubt = 8;
 /// A term of the surface must take this off the error of the photographs that were fitted and of those held
 /// out; without any held out, the second bound is for the fitted ones.
 constexpr double kSurfaceFit = 0.45, kSurfaceHeld = 0.9, kSurfaceFitAlone = 0.35;
+/// The same where no held-out photograph sees the lobe.
+constexpr double kUnseenHeld = 1;
 /// Of the held-out photographs a term of the surface must make this share better.
 constexpr double kSurfaceShare = 0.6;
 /// Of what the best attempt explains of the surroundings, this share may be missed.
@@ -23,7 +25,7 @@ constexpr double kAroundShare = 0.25;
 constexpr double kWorseHeld = 1.03;
 /// A hint, ln odds; what counts as overwhelming, in units of what is needed; the held-out photographs' error
 /// that a mere hint must reach.
-constexpr double kHint = 3, kOverwhelming = 3, kHintedHeld = 0.85;
+constexpr double kHint = 3, kOverwhelming = 3, kHintedHeld = 0.85, kStrong = 2;
 /// A change of less than this, natural-log units, is nobody's concern.
 constexpr double kSmallestReach = 0.002;
 /// Where a material is farther from the basis than this even with an effect, natural-log units, the
@@ -42,7 +44,7 @@ constexpr double kBetter = 0.95;
 constexpr double kFreeHeld = 0.8, kFreeBetter = 0.7;
 
 /// Held-out photographs are plainly better: their error falls to this, that of this share of them at all.
-constexpr double kPlainly = 0.75, kPlainlyShare = 0.7;
+constexpr double kPlainly = 0.8, kPlainlyShare = 0.5;
 /// The whole reconstruction must gain this with a term of the surface and with an effect of the set-up; where
 /// the surroundings have spoken it must not lose more than the last.
 constexpr double kWholeSurface = 0.88, kWholeFree = 0.6, kWholeSetUp = 0.97, kWholeAround = 1.1;
@@ -122,9 +124,10 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
     return out;
   }
   if (e.lobe) {
-    out.passes =
-        e.held ? e.fitRatio <= kSurfaceFit && e.heldRatio <= kSurfaceHeld && e.heldBetter >= kSurfaceShare
-               : e.fitRatio <= kSurfaceFitAlone;
+    // Held-out photographs that don't look where the lobe is can only refuse it.
+    const double heldMost = e.heldSees ? kSurfaceHeld : kUnseenHeld, share = e.heldSees ? kSurfaceShare : 0;
+    out.passes = e.held ? e.fitRatio <= kSurfaceFit && e.heldRatio <= heldMost && e.heldBetter >= share
+                        : e.fitRatio <= kSurfaceFitAlone;
     // What the surroundings show is the set-up's: that comes first.
     out.passes &= by.around <= kAroundSpeaks;
     // Errors of some hundred rows that are alike within a few dozen groups.
@@ -148,10 +151,14 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
     out.text = "the photographs are no more probable with it than without";
     return out;
   }
-  const bool plainlyBetter = e.held && e.heldRatio < kPlainly && e.heldBetter >= kPlainlyShare;
-  out.gain = e.lnEvidence + (plainlyBetter ? std::max(e.lnHeld, 0.0) : e.lnHeld);
   const double needed =
       std::log(static_cast<double>(by.tried) / std::max(by.falseAlarmRate, 1e-6)) + kModelDoubt;
+  // Twice the evidence that is needed, and pictures that agree: no isotropic material moves a highlight,
+  // however far from the basis it is.
+  const bool strong = !e.surface && e.held && e.lnEvidence > kStrong * needed && e.heldRatio < kHintedHeld &&
+                      e.heldBetter >= kPlainlyShare;
+  const bool plainlyBetter = strong || (e.held && e.heldRatio < kPlainly && e.heldBetter >= kPlainlyShare);
+  out.gain = e.lnEvidence + (plainlyBetter ? std::max(e.lnHeld, 0.0) : e.lnHeld);
   const bool around = e.lnAround > needed;
   if (e.heldOnly) {
     // Where nothing lies around to confirm it, it is what is left when nothing else explains the photograph.
@@ -183,8 +190,7 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   const bool seen =
       e.lnEvidence > needed - kModelDoubt / 2 ||
       (e.lnEvidence > kHint && e.held && e.lnHeld > kOverwhelming * needed && e.heldRatio < kHintedHeld);
-  const bool far =
-      !around && !plainlyBetter && (e.grain > kFarGrain || e.fine > kFarFine || e.broad > kFarBroad);
+  const bool far = !around && !strong && (e.grain > kFarGrain || e.fine > kFarFine || e.broad > kFarBroad);
   const bool further = by.round == 0 || around || e.heldRatio < kFurtherHeld;
   out.passes = out.gain > needed && heldAgree && tellable && notWorse && helps && e.reach > kSmallestReach &&
                e.sensible && !far && further && seen;

@@ -18,6 +18,7 @@ struct TwoShotEvidence {
   bool ownShot = false;   ///< a factor of single photographs, which held-out ones don't share
   bool heldOnly = false;  ///< of held-out photographs alone
   bool refined = false;   ///< the thorough fit was made, so that the ratios are known
+  bool heldSees = true;   ///< held-out photographs look where a lobe is most of the light
   bool sensible = true;   ///< the strength makes sense
   double lnEvidence = 0, lnHeld = 0, lnAround = 0, reach = 0;  ///< as TrialOutcome
   double first = 0, firstSd = 0;                               ///< the first parameter, as it was searched

@@ -104,6 +104,18 @@ SurfaceTrial::Errors SurfaceTrial::errors(const TwoShotDeviation& deviation) con
   return out;
 }
 
+bool SurfaceTrial::heldSees(const TwoShotDeviation& deviation) const {
+  constexpr double kOfThePeak = 0.1;
+  constexpr std::ptrdiff_t kFewestRows = 12;
+  const auto lobe = [&](const DiagnosisRow& row) {
+    return deviation.added(deviation.directions(row.point)).sum();
+  };
+  double peak = 0;
+  for (const DiagnosisRow& row : fitted_) peak = std::max(peak, lobe(row));
+  return std::count_if(held_.begin(), held_.end(),
+                       [&](const DiagnosisRow& row) { return lobe(row) > kOfThePeak * peak; }) >= kFewestRows;
+}
+
 SurfaceTrial::Found SurfaceTrial::search(const TwoShotCandidate& candidate, const JobContext& job) const {
   const auto p = static_cast<Index>(candidate.parameters.size());
   // ln of the error, each photograph's and the sum's: the brightest one alone would decide otherwise. A prior

@@ -24,6 +24,10 @@ class SurfaceTrial {
   };
   Errors errors(const TwoShotDeviation& deviation) const;
 
+  /// Whether a dozen held-out rows look where what a deviation adds is a tenth or more of the most that
+  /// fitted rows see of it.
+  bool heldSees(const TwoShotDeviation& deviation) const;
+
   struct Found {
     Eigen::VectorXd value;
     TwoShotDeviation deviation;
