@@ -121,6 +121,26 @@ void removeHalfWritten(const std::filesystem::path& folder) {
   for (const std::filesystem::path& file : leftovers) std::filesystem::remove(file, ignored);
 }
 
+Result<CaptureJournal> beginCapture(const std::filesystem::path& folder, bool resume) {
+  namespace fs = std::filesystem;
+  std::error_code code;
+  const bool hasJournal = fs::exists(folder / kCaptureJournal, code);
+  if (hasJournal && !resume)
+    return Error{ErrorCode::Refused, "a capture was begun in this folder", folder.string(),
+                 "go on with it (--resume), or choose another folder"};
+  if (!hasJournal && fs::exists(folder, code) &&
+      (!fs::is_directory(folder, code) || !fs::is_empty(folder, code)))
+    return Error{ErrorCode::Refused, "this folder holds something else", folder.string(),
+                 "choose a new or an empty folder"};
+  fs::create_directories(folder / "photos", code);
+  if (code)
+    return Error{ErrorCode::WriteFailed, "the capture's folder can't be made: " + code.message(),
+                 folder.string(), "choose a folder that you may write to"};
+  removeHalfWritten(folder);
+  removeHalfWritten(folder / "photos");
+  return CaptureJournal::open(folder / kCaptureJournal);
+}
+
 Result<std::string> fileHash(const std::filesystem::path& file) {
   const Result<std::string> bytes = readFile(file, kMaxImageFileBytes);
   if (!bytes) return bytes.error();

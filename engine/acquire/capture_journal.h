@@ -39,6 +39,14 @@ class CaptureJournal {
 /// not below it. For folders that are one capture's own.
 void removeHalfWritten(const std::filesystem::path& folder);
 
+/// Its name in a capture's folder.
+inline constexpr const char* kCaptureJournal = "journal.jsonl";
+
+/// The journal of a capture's folder, made with its `photos/` where it is new; what a killed process left
+/// half written there is removed. Errors: Refused (a capture was begun there and `resume` is false, or the
+/// folder holds something else), WriteFailed, and those of `CaptureJournal::open`.
+Result<CaptureJournal> beginCapture(const std::filesystem::path& folder, bool resume);
+
 /// Hash of a file's bytes, as 16 hexadecimal digits (XXH3, 64 bits). Errors: as `readFile`.
 Result<std::string> fileHash(const std::filesystem::path& file);
 

@@ -19,7 +19,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kMadeBy = "patina capture";
-constexpr const char* kJournal = "journal.jsonl";
 constexpr double kClipsAt = 0.98;    ///< of full scale: what noise takes off it
 constexpr double kBracketRatio = 4;  ///< two stops
 constexpr int kMostLearnt = 24;      ///< photographs read again to judge those that come after a restart
@@ -128,7 +127,7 @@ std::string CaptureSession::State::rigHash() const {
 }
 
 Status CaptureSession::State::readJournal() {
-  const std::string where = (folder / kJournal).string();
+  const std::string where = (folder / kCaptureJournal).string();
   std::vector<std::string> hashes(photos.size());
   for (const nlohmann::json& line : journal->lines()) {
     const std::string event = line.value("event", "");
@@ -184,21 +183,8 @@ Result<std::unique_ptr<CaptureSession>> CaptureSession::open(const fs::path& fol
     return Error{ErrorCode::Invalid, "this capture can't be taken: " + all, folder.string(),
                  "correct these values"};
   }
-  std::error_code code;
-  const bool hasJournal = fs::exists(folder / kJournal, code);
-  if (hasJournal && !resume)
-    return Error{ErrorCode::Refused, "a capture was begun in this folder", folder.string(),
-                 "go on with it (--resume), or choose another folder"};
-  if (!hasJournal && fs::exists(folder, code) &&
-      (!fs::is_directory(folder, code) || !fs::is_empty(folder, code)))
-    return Error{ErrorCode::Refused, "this folder holds something else", folder.string(),
-                 "choose a new or an empty folder"};
-  fs::create_directories(folder / "photos", code);
-  if (code)
-    return Error{ErrorCode::WriteFailed, "the capture's folder can't be made: " + code.message(),
-                 folder.string(), "choose a folder that you may write to"};
-  removeHalfWritten(folder);
-  removeHalfWritten(folder / "photos");
+  Result<CaptureJournal> journal = beginCapture(folder, resume);
+  if (!journal) return journal.error();
   auto state = std::make_unique<State>();
   state->folder = folder;
   state->rig = rig;
@@ -207,8 +193,6 @@ Result<std::unique_ptr<CaptureSession>> CaptureSession::open(const fs::path& fol
   state->photos.resize(state->plan.photos.size());
   state->again.resize(state->photos.size(), 0);
   state->wantedAgain.resize(state->photos.size(), false);
-  Result<CaptureJournal> journal = CaptureJournal::open(folder / kJournal);
-  if (!journal) return journal.error();
   state->journal.emplace(std::move(*journal));
   if (Status read = state->readJournal(); !read) return read.error();
   return std::unique_ptr<CaptureSession>(new CaptureSession(std::move(state)));

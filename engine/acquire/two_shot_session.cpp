@@ -18,7 +18,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kMadeBy = "patina capture";
-constexpr const char* kJournal = "journal.jsonl";
 constexpr double kClipsAt = 0.98;      ///< of full scale
 constexpr double kFill = 0.8;          ///< of full scale that the brightest places may reach
 constexpr double kPercentile = 0.999;  ///< of the sample's pixels
@@ -151,7 +150,7 @@ nlohmann::json TwoShotSession::State::beginning() const {
 }
 
 Status TwoShotSession::State::readJournal() {
-  const std::string where = (folder / kJournal).string();
+  const std::string where = (folder / kCaptureJournal).string();
   if (journal->lines().empty()) return journal->append(beginning());
   // Compared as text: numbers come back from the file as they were written.
   if (journal->lines().front().dump() != nlohmann::json::parse(beginning().dump()).dump())
@@ -202,28 +201,13 @@ Result<std::unique_ptr<TwoShotSession>> TwoShotSession::open(const fs::path& fol
     return Error{ErrorCode::Invalid, "this capture can't be taken: " + all, folder.string(),
                  "correct these values"};
   }
-  std::error_code code;
-  const bool hasJournal = fs::exists(folder / kJournal, code);
-  if (hasJournal && !resume)
-    return Error{ErrorCode::Refused, "a capture was begun in this folder", folder.string(),
-                 "go on with it (--resume), or choose another folder"};
-  if (!hasJournal && fs::exists(folder, code) &&
-      (!fs::is_directory(folder, code) || !fs::is_empty(folder, code)))
-    return Error{ErrorCode::Refused, "this folder holds something else", folder.string(),
-                 "choose a new or an empty folder"};
-  fs::create_directories(folder / "photos", code);
-  if (code)
-    return Error{ErrorCode::WriteFailed, "the capture's folder can't be made: " + code.message(),
-                 folder.string(), "choose a folder that you may write to"};
-  removeHalfWritten(folder);
-  removeHalfWritten(folder / "photos");
+  Result<CaptureJournal> journal = beginCapture(folder, resume);
+  if (!journal) return journal.error();
   auto state = std::make_unique<State>();
   state->folder = folder;
   state->setup = setup;
   state->shots.resize(setup.shots.size());
   state->guide.emplace(setup);
-  Result<CaptureJournal> journal = CaptureJournal::open(folder / kJournal);
-  if (!journal) return journal.error();
   state->journal.emplace(std::move(*journal));
   if (Status read = state->readJournal(); !read) return read.error();
   auto session = std::unique_ptr<TwoShotSession>(new TwoShotSession(std::move(state)));

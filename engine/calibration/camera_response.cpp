@@ -249,6 +249,20 @@ Linearity linearityOf(const ResponseCurve& curve, double from, double to) {
 
 }  // namespace
 
+Status checkExposures(const std::vector<ExposedPhoto>& photos) {
+  for (const ExposedPhoto& photo : photos) {
+    const Image& first = photos[0].image;
+    if (photo.image.width() != first.width() || photo.image.height() != first.height() ||
+        photo.image.channels() != 3)
+      return Error{ErrorCode::Invalid, "the photographs are not of one size", photo.name,
+                   "photographs of one camera at one resolution"};
+    if (!(photo.exposureS > 0 && std::isfinite(photo.exposureS)))
+      return Error{ErrorCode::Invalid, "the exposure is not positive", photo.name,
+                   "seconds, as the camera was set"};
+  }
+  return Done{};
+}
+
 Result<CameraResponse> recoverResponse(const std::vector<ExposedPhoto>& photos,
                                        const ResponseOptions& options, const JobContext& job) {
   const auto invalid = [](const std::string& what, const std::string& where, const std::string& tryThis) {
@@ -261,17 +275,10 @@ Result<CameraResponse> recoverResponse(const std::vector<ExposedPhoto>& photos,
   if (options.knots < 16 || options.knots > 1024 || !(options.smoothness > 0) ||
       options.samplesPerChannel < kFewestPlaces)
     return invalid("the options make no sense", "response options", "");
+  if (const Status usable = checkExposures(photos); !usable) return usable.error();
   const Image& first = photos[0].image;
   std::vector<double> logTime;
-  for (const ExposedPhoto& photo : photos) {
-    if (photo.image.width() != first.width() || photo.image.height() != first.height() ||
-        photo.image.channels() != 3)
-      return invalid("the photographs are not of one size", photo.name,
-                     "photographs of one camera at one resolution");
-    if (!(photo.exposureS > 0 && std::isfinite(photo.exposureS)))
-      return invalid("the exposure is not positive", photo.name, "seconds, as the camera was set");
-    logTime.push_back(std::log(photo.exposureS));
-  }
+  for (const ExposedPhoto& photo : photos) logTime.push_back(std::log(photo.exposureS));
   if (first.width() < 8 || first.height() < 8)
     return invalid("the photographs are too small", photos[0].name, "");
   const auto [shortest, longest] = std::minmax_element(logTime.begin(), logTime.end());

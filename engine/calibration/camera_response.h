@@ -20,6 +20,10 @@ struct ExposedPhoto {
   double exposureS = 1;
 };
 
+/// Whether a series can be used together. Errors: Invalid (not all of one size and R G B; an exposure that is
+/// not positive; the photograph named).
+Status checkExposures(const std::vector<ExposedPhoto>& photos);
+
 struct ResponseOptions {
   int knots = 256;        ///< of the curve, 16 to 1024
   double smoothness = 1;  ///< how firmly its local exponent is held, > 0; more: smoother. Exposures that all

@@ -72,14 +72,7 @@ Result<MergedRadiance> mergeExposures(const std::vector<ExposedPhoto>& photos, c
   };
   if (photos.empty()) return invalid("there are no photographs to merge", "", "");
   const Image& first = photos[0].image;
-  for (const ExposedPhoto& photo : photos) {
-    if (photo.image.width() != first.width() || photo.image.height() != first.height() ||
-        photo.image.channels() != 3)
-      return invalid("the photographs are not of one size", photo.name,
-                     "photographs of one camera at one resolution");
-    if (!(photo.exposureS > 0 && std::isfinite(photo.exposureS)))
-      return invalid("the exposure is not positive", photo.name, "seconds, as the camera was set");
-  }
+  if (const Status usable = checkExposures(photos); !usable) return usable.error();
   if (!(options.read > 0 && options.shot >= 0 && options.saturation > 0))
     return invalid("noise and saturation must be positive", "merge options", "");
   std::vector<const ExposedPhoto*> ordered;

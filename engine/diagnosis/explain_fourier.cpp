@@ -91,8 +91,7 @@ class FourierExplainer {
 
   void reweigh() {
     for (std::size_t k = 0; k < session_->captures.size(); ++k) {
-      FourierDiagnosisModel model = modelOf(*session_, k);
-      model.setPictures(session_->captures[k].pictures);
+      const FourierDiagnosisModel model = modelOf(*session_, k);
       session_->captures[k].inflation.clear();
       setRobustWeights(session_->captures[k], model, job_);
       inflateScatter(session_->captures[k], model, job_);
@@ -113,12 +112,12 @@ class FourierExplainer {
     reweigh();
   }
 
-  std::vector<Candidate> score(const ScoreTest& test) const {
-    std::vector<Candidate> all;
+  std::vector<FourierCandidate> score(const ScoreTest& test) const {
+    std::vector<FourierCandidate> all;
     const ScoreSums total = test.total();
     for (const EffectInfo* info : effectCatalogue()) {
       if (!(info->kinds & kFourierKind)) continue;
-      Candidate candidate;
+      FourierCandidate candidate;
       candidate.id = std::string(info->id);
       if (std::ranges::find(added_, candidate.id) != added_.end()) continue;
       if (test.numbers({candidate.id}).empty()) continue;
@@ -129,13 +128,14 @@ class FourierExplainer {
       all.push_back(std::move(candidate));
     }
     for (auto& c : all) c.correctedP = std::min(1.0, c.correctedP * static_cast<double>(all.size()));
-    std::ranges::sort(all, std::greater<>(), [](const Candidate& c) { return c.score.logEvidence / c.phi; });
+    std::ranges::sort(all, std::greater<>(),
+                      [](const FourierCandidate& c) { return c.score.logEvidence / c.phi; });
     for (const auto& c : all) job_.info(scoreText(c));
     return all;
   }
 
   /// Which candidates are worth a refit.
-  std::vector<std::size_t> shortlist(const std::vector<Candidate>& all) const {
+  std::vector<std::size_t> shortlist(const std::vector<FourierCandidate>& all) const {
     std::vector<std::size_t> list;
     double mostGain = 0;
     for (const auto& c : all) mostGain = std::max(mostGain, c.score.gain);
@@ -145,7 +145,7 @@ class FourierExplainer {
     for (std::size_t i = 0; i < all.size() && list.size() < kRefits; ++i)
       if (all[i].correctedP < options_.falseAlarmRate && all[i].score.logEvidence > 0) add(i);
     for (std::size_t i = 0; i < all.size(); ++i) {
-      const Candidate& c = all[i];
+      const FourierCandidate& c = all[i];
       if (c.correctedP >= options_.falseAlarmRate) continue;
       // Effects of few numbers whose share is large; those that at zero strength show little of what they do
       // later.
@@ -163,7 +163,7 @@ class FourierExplainer {
       job_.progress("score", round, options_.maxEffects + 1, "rounds");
       ScoreTest test = scoreSession(*session_, {}, job_);
       if (job_.cancelled()) return cancelled();
-      std::vector<Candidate> all = score(test);
+      std::vector<FourierCandidate> all = score(test);
       time("score", start);
       if (round == 0) rememberFirst(all);
       if (round == options_.maxEffects) {
@@ -173,18 +173,19 @@ class FourierExplainer {
       const auto refitting = Clock::now();
       // Weak effects need all sites, strong ones few.
       double mostGain = 1;
-      for (const Candidate& c : all)
+      for (const FourierCandidate& c : all)
         if (c.correctedP < options_.falseAlarmRate && c.score.logEvidence > 0)
           mostGain = std::max(mostGain, c.score.gain);
-      const auto refitSites = std::clamp(static_cast<std::size_t>(kRefitSites * kPlentyOfGain / mostGain),
-                                         kRefitSites, session_->captures[0].sites.size());
+      const auto refitSites =
+          std::max(kRefitSites, std::min(static_cast<std::size_t>(kRefitSites * kPlentyOfGain / mostGain),
+                                         session_->captures[0].sites.size()));
       DiagnosisSession small = thinned(*session_, refitSites);
       const SessionError before = sessionError(small, job_);
       const std::vector<std::size_t> list = shortlist(all);
       std::size_t done = 0;
       double mostImprovement = 0;
       for (const std::size_t i : list) {
-        Candidate& c = all[i];
+        FourierCandidate& c = all[i];
         // First order tells more than the truth for weak effects and less for strong ones, but not by so
         // much.
         const double share = static_cast<double>(refitSites) / static_cast<double>(std::max<std::size_t>(
@@ -205,18 +206,18 @@ class FourierExplainer {
                       "candidates");
       }
       time("refit", refitting);
-      Candidate* best = nullptr;
+      FourierCandidate* best = nullptr;
       for (const std::size_t i : list) {
-        Candidate& c = all[i];
+        FourierCandidate& c = all[i];
         if (!acceptable(c)) continue;
         if (!best || c.improvement > best->improvement) best = &c;
       }
       // A cause of few numbers before one of a number for each photograph that does little better: with the
       // first in, the second must earn its numbers again.
       if (best && best->score.numbers > 50) {
-        Candidate* simple = nullptr;
+        FourierCandidate* simple = nullptr;
         for (const std::size_t i : list) {
-          Candidate& c = all[i];
+          FourierCandidate& c = all[i];
           if (acceptable(c) && c.score.numbers < 10 && c.improvement > kOrdered * best->improvement &&
               (!simple || c.improvement > simple->improvement))
             simple = &c;
@@ -226,7 +227,7 @@ class FourierExplainer {
       // A named cause before a free form that does hardly better.
       if (best && best->id == "basis-deviation") {
         for (const std::size_t i : list) {
-          Candidate& c = all[i];
+          FourierCandidate& c = all[i];
           if (&c != best && acceptable(c) && c.improvement > 0.9 * best->improvement &&
               (best->id == "basis-deviation" || c.improvement > best->improvement))
             best = &c;
@@ -239,8 +240,8 @@ class FourierExplainer {
       }
       noteConfusable(all, list, *best, test);
       const double share = secondShare(all, list, *best);
-      firstConfidence_.push_back(confidenceOf(*best, share));
       const std::string id = best->id;
+      confidence_[id] = confidenceOf(*best, share);
       mostAdded_ = std::max(mostAdded_, best->noiseGain);
       scores_[id] = *best;
       scores_[id].session.reset();
@@ -275,7 +276,7 @@ class FourierExplainer {
     return signatureByFrequency(few, test, id, job_);
   }
 
-  bool acceptable(const Candidate& c) const {
+  bool acceptable(const FourierCandidate& c) const {
     if (!c.tried || !c.plausible || c.improvement <= kLeastImprovement * c.phi) return false;
     // What has been added is itself modelled to some part in a hundred: less than that may be its shadow.
     if (c.noiseGain < kShadow * mostAdded_) return false;
@@ -286,7 +287,7 @@ class FourierExplainer {
 
   /// A number for each photograph follows any curve over time: no rival of the few numbers that it was passed
   /// over for.
-  static bool holdsBoth(const Candidate& many, const Candidate& few) {
+  static bool holdsBoth(const FourierCandidate& many, const FourierCandidate& few) {
     return many.score.numbers > 50 && few.score.numbers < 10;
   }
 
@@ -296,8 +297,8 @@ class FourierExplainer {
     return n;
   }
 
-  static double secondShare(const std::vector<Candidate>& all, const std::vector<std::size_t>& list,
-                            const Candidate& best) {
+  static double secondShare(const std::vector<FourierCandidate>& all, const std::vector<std::size_t>& list,
+                            const FourierCandidate& best) {
     double second = 0;
     for (const std::size_t i : list)
       if (&all[i] != &best && all[i].tried && all[i].plausible && !holdsBoth(all[i], best))
@@ -305,11 +306,11 @@ class FourierExplainer {
     return best.improvement > 0 ? second / best.improvement : 1;
   }
 
-  void noteConfusable(const std::vector<Candidate>& all, const std::vector<std::size_t>& list,
-                      const Candidate& best, const ScoreTest& test) {
+  void noteConfusable(const std::vector<FourierCandidate>& all, const std::vector<std::size_t>& list,
+                      const FourierCandidate& best, const ScoreTest& test) {
     std::vector<std::pair<double, std::string>> others;
     for (const std::size_t i : list) {
-      const Candidate& c = all[i];
+      const FourierCandidate& c = all[i];
       if (&c == &best || !c.tried || !c.plausible || c.id == "basis-deviation" || holdsBoth(c, best))
         continue;
       const double gap = best.improvement - c.improvement;
@@ -325,8 +326,8 @@ class FourierExplainer {
     out_->confusable.push_back(std::move(group));
   }
 
-  void rememberFirst(const std::vector<Candidate>& all) {
-    for (const Candidate& c : all) {
+  void rememberFirst(const std::vector<FourierCandidate>& all) {
+    for (const FourierCandidate& c : all) {
       EffectFinding finding;
       finding.id = c.id;
       finding.sigmas = sigmasOf(c.score.gain / c.phi, c.score.numbers);
@@ -339,9 +340,9 @@ class FourierExplainer {
     }
   }
 
-  void noteTried(const std::vector<Candidate>& all, const std::vector<std::size_t>& list) {
+  void noteTried(const std::vector<FourierCandidate>& all, const std::vector<std::size_t>& list) {
     for (const std::size_t i : list) {
-      const Candidate& c = all[i];
+      const FourierCandidate& c = all[i];
       for (auto& finding : out_->considered) {
         if (finding.id != c.id) continue;
         finding.explained = c.explained;
@@ -372,7 +373,7 @@ class FourierExplainer {
     takeOver(middle);
     for (const auto& id : ids) {
       plots_[id] = signature(id);
-      firstConfidence_.push_back(1);
+      confidence_[id] = 1;
     }
     if (job_.cancelled()) return cancelled();
     last_.emplace(scoreSession(*session_, {}, job_));
@@ -399,6 +400,7 @@ class FourierExplainer {
       withoutRms_[added_[k]] = refit.error.first.heldRms;
       if (loss < kLeastImprovement * phi || refit.error.noise - with.noise < kShadow * mostAdded_) {
         dropped_.push_back(added_[k]);
+        resetEffect(*session_, added_[k]);
         added_ = others;
         session_->states = trial.states;
         refineSession(*session_, 5, job_, false);
@@ -458,8 +460,7 @@ class FourierExplainer {
       finding.verdict = "Added: photographs that the fit never saw are predicted better with it.";
       finding.parameters = effectParameters(*session_, id, &refit_);
       finding.sentence = effectSentence(id, finding.parameters);
-      const auto at = static_cast<std::size_t>(std::ranges::find(added_, id) - added_.begin());
-      finding.confidence = at < firstConfidence_.size() ? firstConfidence_[at] : 0.5;
+      finding.confidence = confidence_.at(id);
       finding.holdoutRmsWith = out_->after.holdoutRms;
       finding.holdoutRmsWithout = added_.size() == 1         ? out_->before.holdoutRms
                                   : withoutRms_.contains(id) ? withoutRms_[id]
@@ -509,8 +510,8 @@ class FourierExplainer {
   SessionError baseError_;
   double mostAdded_ = 0;  ///< largest noiseGain of what was added
   std::vector<std::string> added_, dropped_;
-  std::vector<double> firstConfidence_;
-  std::map<std::string, Candidate> scores_;
+  std::map<std::string, double> confidence_;  ///< when it was added
+  std::map<std::string, FourierCandidate> scores_;
   std::map<std::string, SignaturePlot> plots_;
   std::map<std::string, double> withoutRms_;
   std::optional<ScoreTest> last_;

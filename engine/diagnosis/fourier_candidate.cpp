@@ -41,7 +41,8 @@ double sigmasOf(double gain, double n) {
   return z > 6 ? std::sqrt(std::max(0.0, x - n)) : z;
 }
 
-void judgeRefit(Candidate& c, const SessionError& before, const DiagnosisSession& refitted, double heldRows) {
+void judgeRefit(FourierCandidate& c, const SessionError& before, const DiagnosisSession& refitted,
+                double heldRows) {
   c.tried = true;
   c.plausible = c.refit.plausible;
   const double phi = std::max(1.0, c.refit.error.chi2 / std::max(c.refit.error.count, 1.0));
@@ -69,14 +70,14 @@ void judgeRefit(Candidate& c, const SessionError& before, const DiagnosisSession
                            0.0, 1.0);
 }
 
-double confidenceOf(const Candidate& best, double secondShare) {
+double confidenceOf(const FourierCandidate& best, double secondShare) {
   const double lead = best.improvement * (1 - secondShare) / best.phi;
   const double byNoise = 1 - std::exp(-std::max(lead, 0.0) / 20),
                byShare = 1 - 0.5 * std::pow(std::clamp(secondShare, 0.0, 1.0), 8);
   return std::clamp(byNoise * byShare, 0.05, 0.99);
 }
 
-std::string scoreText(const Candidate& c) {
+std::string scoreText(const FourierCandidate& c) {
   char text[200];
   std::snprintf(text, sizeof text,
                 "score %s: gain %.1f for %d numbers, log evidence %.1f, held-out gain %.1f +- %.1f, p %.2g",
@@ -85,7 +86,7 @@ std::string scoreText(const Candidate& c) {
   return text;
 }
 
-std::string refitText(const Candidate& c, const SessionError& before) {
+std::string refitText(const FourierCandidate& c, const SessionError& before) {
   char text[256];
   std::snprintf(
       text, sizeof text,

@@ -8,7 +8,7 @@
 namespace patina {
 
 /// An effect that is being tried: what the score test says, and what a refit with it did.
-struct Candidate {
+struct FourierCandidate {
   std::string id;
   ScoreResult score;
   double phi = 1, correctedP = 1;
@@ -31,14 +31,14 @@ double sigmasOf(double gain, double n);
 
 /// Fills in what the candidate's refit did to `before`. `refitted`: the session that it left; `heldRows`:
 /// held-out photographs, of which factors and offsets take a number each.
-void judgeRefit(Candidate& candidate, const SessionError& before, const DiagnosisSession& refitted,
+void judgeRefit(FourierCandidate& candidate, const SessionError& before, const DiagnosisSession& refitted,
                 double heldRows);
 /// That this is the right answer, from the lead over the second best: its share of the improvement, and in
 /// units of noise. Source: docs/explain.md.
-double confidenceOf(const Candidate& best, double secondShare);
+double confidenceOf(const FourierCandidate& best, double secondShare);
 
 /// For the log.
-std::string scoreText(const Candidate& candidate);
-std::string refitText(const Candidate& candidate, const SessionError& before);
+std::string scoreText(const FourierCandidate& candidate);
+std::string refitText(const FourierCandidate& candidate, const SessionError& before);
 
 }  // namespace patina

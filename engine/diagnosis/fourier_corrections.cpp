@@ -153,10 +153,8 @@ Result<CorrectedCapture> correctCapture(const DiagnosisSession& session, std::si
     light.states[index] = lightState(state);
     DiagnosisSession plain = session;
     plain.states[index] = plainState(state);
-    FourierDiagnosisModel full = modelOf(session, index), with = modelOf(light, index),
-                          without = modelOf(plain, index);
-    full.setPictures(capture.pictures);
-    with.setPictures(capture.pictures);
+    const FourierDiagnosisModel full = modelOf(session, index), with = modelOf(light, index),
+                                without = modelOf(plain, index);
     std::atomic<std::int64_t> done{0};
     out.horizonSine.assign(sites, 0);
     out.stretch.assign(sites, {0, 0});

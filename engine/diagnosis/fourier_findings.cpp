@@ -24,7 +24,8 @@ std::string materialName(const DiagnosisSession& session, std::size_t k) {
   return session.captures[0].clusterCount > 1 ? "material " + std::to_string(k + 1) : "";
 }
 
-/// About their mean, fitted photographs: a factor that all share belongs to the albedos.
+/// About their mean, fitted photographs: a factor that all share belongs to the albedos, an offset to the
+/// sensor's black level.
 double scatterOf(const std::vector<double>& values, const DiagnosisCapture& capture) {
   double sum = 0, square = 0, n = 0;
   for (std::size_t r = 0; r < values.size(); ++r) {
@@ -325,11 +326,7 @@ SignaturePlot signatureByFrequency(const DiagnosisSession& session, const ScoreT
   const std::size_t rows = capture.rowCount();
   if (solved.estimate.size() == 0) return plot;
   const bool sparse = id == "flicker" || id == "ambient-drift";
-  const FourierDiagnosisModel model = [&] {
-    FourierDiagnosisModel m = modelOf(session, 0);
-    m.setPictures(capture.pictures);
-    return m;
-  }();
+  const FourierDiagnosisModel model = modelOf(session, 0);
   std::vector<double> expected(capture.frequencies.size() + 1, 0), seen(expected.size(), 0),
       energy(expected.size(), 0);
   SiteColumns at;

@@ -61,9 +61,7 @@ void drawResidual(const DiagnosisSession& base, const DiagnosisSession& session,
   for (std::size_t p = 0; p < set.siteOfPixel.size(); ++p)
     if (set.siteOfPixel[p] >= 0)
       pixels[static_cast<std::size_t>(set.siteOfPixel[p])].push_back(static_cast<std::int32_t>(p));
-  const FourierDiagnosisModel plain = modelOf(base, 0);
-  FourierDiagnosisModel full = modelOf(session, 0);
-  full.setPictures(capture.pictures);
+  const FourierDiagnosisModel plain = modelOf(base, 0), full = modelOf(session, 0);
   tbb::parallel_for(std::size_t{0}, (set.size() + 63) / 64, [&](std::size_t chunk) {
     if (job.cancelled()) return;
     SiteColumns a, b;

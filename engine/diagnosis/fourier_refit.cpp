@@ -107,7 +107,9 @@ int DiagnosisSession::materialOffset(std::size_t capture) const {
 }
 
 FourierDiagnosisModel modelOf(const DiagnosisSession& session, std::size_t capture) {
-  return FourierDiagnosisModel(session.captures[capture], session.columns, session.states[capture]);
+  FourierDiagnosisModel model(session.captures[capture], session.columns, session.states[capture]);
+  model.setPictures(session.captures[capture].pictures);
+  return model;
 }
 
 DiagnosisSession thinned(const DiagnosisSession& session, std::size_t sites) {
@@ -148,8 +150,7 @@ std::vector<std::shared_ptr<const PredictedPictures>> sessionPictures(const Diag
 ScoreTest scoreSession(DiagnosisSession& session, const WantedColumns& wanted, const JobContext& job) {
   ScoreTest test;
   for (std::size_t k = 0; k < session.captures.size(); ++k) {
-    FourierDiagnosisModel model = modelOf(session, k);
-    model.setPictures(session.captures[k].pictures);
+    const FourierDiagnosisModel model = modelOf(session, k);
     test.add(session.captures[k], model, session.columns, job, wanted, session.materialOffset(k));
   }
   return test;
@@ -157,8 +158,7 @@ ScoreTest scoreSession(DiagnosisSession& session, const WantedColumns& wanted, c
 
 void refineSession(DiagnosisSession& session, int steps, const JobContext& job, bool mayDrop) {
   for (std::size_t k = 0; k < session.captures.size(); ++k) {
-    FourierDiagnosisModel model = modelOf(session, k);
-    model.setPictures(session.captures[k].pictures);
+    const FourierDiagnosisModel model = modelOf(session, k);
     refineSites(session.captures[k], model, steps, job, mayDrop);
   }
 }
@@ -166,8 +166,7 @@ void refineSession(DiagnosisSession& session, int steps, const JobContext& job, 
 SessionError sessionError(const DiagnosisSession& session, const JobContext& job) {
   SessionError out;
   for (std::size_t k = 0; k < session.captures.size(); ++k) {
-    FourierDiagnosisModel model = modelOf(session, k);
-    model.setPictures(session.captures[k].pictures);
+    const FourierDiagnosisModel model = modelOf(session, k);
     ModelError e = modelError(session.captures[k], model, job);
     out.chi2 += e.chi2;
     out.count += e.count;
@@ -229,8 +228,7 @@ void estimateHeldOutPhotographs(DiagnosisSession& session, const JobContext& job
   if (gains && state.photoGain.empty()) state.photoGain.assign(rows, 0.0);
   if (offsets && state.photoOffset.empty()) state.photoOffset.assign(rows, 0.0);
   for (int pass = 0; pass < 2; ++pass) {
-    FourierDiagnosisModel model = modelOf(session, 0);
-    model.setPictures(capture.pictures);
+    const FourierDiagnosisModel model = modelOf(session, 0);
     SiteColumns at;
     std::vector<Eigen::Matrix2d> a(rows, Eigen::Matrix2d::Zero());
     std::vector<Eigen::Vector2d> b(rows, Eigen::Vector2d::Zero());

@@ -64,6 +64,7 @@ void refineSession(DiagnosisSession& session, int steps, const JobContext& job, 
 /// Predicted neighbourhoods for every capture where lens effects are wanted.
 std::vector<std::shared_ptr<const PredictedPictures>> sessionPictures(const DiagnosisSession& session,
                                                                       const JobContext& job);
+/// The model of one capture under its state, with its predicted neighbourhoods where there are any.
 FourierDiagnosisModel modelOf(const DiagnosisSession& session, std::size_t capture);
 
 }  // namespace patina

@@ -14,6 +14,7 @@ namespace patina {
 namespace {
 
 constexpr double kEnoughSigmas = 5, kHalfExposure = 0.5;
+constexpr double kAsideRad = 0.5;  // some 30 degrees
 constexpr std::size_t kSites = 60;
 
 /// What a site shows in further photographs: weighted rows of its own parameters and of the effects, in the
@@ -63,10 +64,6 @@ double standsOut(const Eigen::MatrixXd& information, const std::vector<int>& x, 
   return std::sqrt(std::max(0.0, own - toY.dot(llt.solve(toY))));
 }
 
-bool isRetro(const std::string& id) {
-  return id == "retroreflection";
-}
-
 /// The captures that were simulated, cheapest first.
 class Captures {
  public:
@@ -74,7 +71,7 @@ class Captures {
       : session_(session), capture_(session.captures[0]), model_(model) {
     const FourierFitState& fit = *capture_.state;
     camera_ = fit.capture.camera.positionMm();
-    asideMm_ = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()) * camera_;
+    asideMm_ = Eigen::AngleAxisd(kAsideRad, Eigen::Vector3d::UnitZ()) * camera_;
   }
 
   std::vector<FurtherCapture> all() const {
@@ -192,7 +189,7 @@ Suggestion suggestCapture(const DiagnosisSession& session, const ScoreTest& test
         "beside it the room's light, over time.";
     return out;
   }
-  if (isRetro(a) || isRetro(b)) {
+  if (oneOf("retroreflection")) {
     out.capture =
         "Photograph the sample with the camera beside the screen: light that returns to where it came "
         "from shows there alone.";
@@ -200,8 +197,7 @@ Suggestion suggestCapture(const DiagnosisSession& session, const ScoreTest& test
   }
   const DiagnosisSession few = thinned(session, kSites);
   const DiagnosisCapture& capture = few.captures[0];
-  FourierDiagnosisModel model = modelOf(few, 0);
-  model.setPictures(capture.pictures);
+  const FourierDiagnosisModel model = modelOf(few, 0);
   const EffectColumns& columns = few.columns;
   // One number for each column; of each material its own estimate.
   std::vector<int> ofA, ofB;

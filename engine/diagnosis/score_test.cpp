@@ -163,7 +163,8 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     sums.b -= reduced.transpose() * reducedR;
     const double used = static_cast<double>((w.array() > 0).count());
     sums.chi2 += gram(kOwnCount + dense, kOwnCount + dense) - reducedR.squaredNorm();
-    sums.count += used - static_cast<double>(kOwnCount - 3);
+    // Black levels have their own measurement.
+    sums.count += used - (kOwnBlack + (site.ownHorizon ? 1 : 0) + (site.ownStretch ? 2 : 0));
     // What the own parameters do with each column, and what that means for the held-out photographs.
     const Eigen::MatrixXd absorbed = system.llt.matrixU().solve(reduced.leftCols(dense));
     const Eigen::VectorXd moved = system.llt.matrixU().solve(reducedR);

@@ -157,7 +157,7 @@ const Broken kBroken[] = {
     {"TextVersion", [](json& b) { b["version"] = "1"; }, ErrorCode::Malformed, "version",
      "a number is needed"},
     {"TwoShot", [](json& b) { b["kind"] = "two-shot"; }, ErrorCode::Unsupported, "kind", "two-shot capture"},
-    {"Flash", [](json& b) { b["kind"] = "flash"; }, ErrorCode::Unsupported, "kind", "yet"},
+    {"Flash", [](json& b) { b["kind"] = "flash"; }, ErrorCode::Unsupported, "kind", "not of kind 'fourier'"},
     {"StrangeKind", [](json& b) { b["kind"] = "x-ray"; }, ErrorCode::Unsupported, "kind", "'x-ray'"},
     {"NoSample", [](json& b) { b.erase("sample"); }, ErrorCode::Malformed, "sample", "missing"},
     {"SampleAsList",

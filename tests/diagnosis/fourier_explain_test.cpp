@@ -3,20 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/diagnosis/explanation.h"
-#include "tests/test_data.h"
+#include "engine/diagnosis/fourier_suggest.h"
+#include "tests/diagnosis/explained_bundles.h"
 
 namespace patina::test {
 namespace {
 
-/// What the tests know of the shared bundles (their truth files); the program never reads it.
-ExplanationPtr explained(const std::vector<std::string>& bundles) {
-  std::vector<std::filesystem::path> folders;
-  for (const auto& bundle : bundles) folders.push_back(sharedData() / "fourier" / bundle);
-  auto result = explain(folders, {}, {});
-  EXPECT_TRUE(result) << (result ? "" : result.error().sentence());
-  return result ? *result : std::make_shared<Explanation>();
-}
+// What the tests know of the shared bundles is in their truth files; the program never reads those.
 
 const EffectFinding* added(const Explanation& explanation, const std::string& id) {
   for (const auto& effect : explanation.effects)
@@ -89,10 +82,34 @@ TEST(ExplainFourier, FindsHorizonsOfSinglePlaces) {
   EXPECT_EQ(found.id, "self-shadowing");
   EXPECT_GT(e->before.holdoutRms, 1.4 * e->noiseFloorHoldout);
   EXPECT_LT(e->after.holdoutRms, 1.15 * e->noiseFloorHoldout);
+  // A quarter of its points is predicted worse than 1.5 times the noise by a fit without; three quarters see
+  // the whole screen.
   const double share = parameter(found, "share");
   EXPECT_GT(share, 0.05);
-  EXPECT_LT(share, 0.4) << "most places of that sheet see the whole screen";
+  EXPECT_LT(share, 0.4);
   ASSERT_TRUE(found.maps.contains("horizon_deg"));
+}
+
+TEST(ExplainFourier, SuggestsWhatSeparatesAndSaysWhereNothingDoes) {
+  PATINA_NEEDS_SHARED("fourier/unknown_7_view_1");
+  const auto capture = readFourierCapture(sharedData() / "fourier" / "unknown_7_view_1", {});
+  ASSERT_TRUE(capture);
+  auto fit = fitFourier(*capture, {}, {});
+  ASSERT_TRUE(fit);
+  auto laid = diagnosisCapture(*fit, 150, {});
+  ASSERT_TRUE(laid);
+  std::vector<DiagnosisCapture> captures;
+  captures.push_back(std::move(*laid));
+  DiagnosisSession session(std::move(captures));
+  refineSession(session, 3, {});
+  const ScoreTest test = scoreSession(session, {}, {});
+  // No photograph tells an effect from itself.
+  const Suggestion same = suggestCapture(session, test, "emission-spatial", "emission-spatial", {});
+  EXPECT_LT(same.separationSigmas, 5);
+  // A screen that is uneven over its surface, or over the angle: some capture tells more than none.
+  const Suggestion screen = suggestCapture(session, test, "emission-spatial", "emission-angular", {});
+  EXPECT_GT(screen.separationSigmas, same.separationSigmas);
+  EXPECT_FALSE(screen.capture.empty());
 }
 
 TEST(ExplainFourier, StopsSoonWhenAsked) {
