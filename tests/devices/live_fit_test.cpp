@@ -16,7 +16,7 @@ using test::LiveSession;
 using test::TempFolder;
 
 struct Medians {
-  double diffuse = 0, normalDeg = 0, sigma = 0, holdoutOverNoise = 0, noise = 0;
+  double diffuse = 0, normalDeg = 0, sigma = 0, holdoutOverNoise = 0;
 };
 
 Medians fitOf(const std::filesystem::path& bundle, const SimulatedSheet& sheet) {
@@ -45,8 +45,7 @@ Medians fitOf(const std::filesystem::path& bundle, const SimulatedSheet& sheet) 
     return values[values.size() / 2];
   };
   const FourierFitStats& stats = (*fit)->stats();
-  return {median(diffuse), median(normal), median(sigma), stats.holdoutRms / stats.noiseFloorHoldout,
-          stats.noiseFloorHoldout};
+  return {median(diffuse), median(normal), median(sigma), stats.holdoutRms / stats.noiseFloorHoldout};
 }
 
 TEST(LiveFit, MapsOfALedCaptureAreAsGoodAsThoseOfTheSimulatorsOwn) {
@@ -65,17 +64,11 @@ TEST(LiveFit, MapsOfALedCaptureAreAsGoodAsThoseOfTheSimulatorsOwn) {
   ASSERT_TRUE(simulateCapture(folder / "own", rig, setup.sheet, options, {}).ok());
   const Medians own = fitOf(folder / "own", setup.sheet);
   RecordProperty("diffuse", std::to_string(led.diffuse) + " / " + std::to_string(own.diffuse));
-  RecordProperty("noise", std::to_string(led.noise) + " / " + std::to_string(own.noise));
-  RecordProperty("sigma", std::to_string(led.sigma) + " / " + std::to_string(own.sigma));
   RecordProperty("normalDeg", std::to_string(led.normalDeg) + " / " + std::to_string(own.normalDeg));
-  // The same sheet, and errors that come from noise (without it both are a fourth of this): per noise they
-  // are alike, but for the two captures' own draws.
-  const double noisier = led.noise / own.noise;
-  EXPECT_LT(noisier, 1.25);
-  constexpr double kDraws = 1.2;
-  EXPECT_LT(led.diffuse, kDraws * noisier * own.diffuse) << own.diffuse;
-  EXPECT_LT(led.normalDeg, kDraws * noisier * own.normalDeg) << own.normalDeg;
-  EXPECT_LT(led.sigma, kDraws * noisier * own.sigma) << own.sigma;
+  // The same sheet and about the same noise (full scale differs a little); medians of some thousand texels.
+  EXPECT_LT(led.diffuse, 1.25 * own.diffuse + 5e-4) << own.diffuse;
+  EXPECT_LT(led.normalDeg, 1.25 * own.normalDeg) << own.normalDeg;
+  EXPECT_LT(led.sigma, 1.25 * own.sigma) << own.sigma;
   EXPECT_LT(led.holdoutOverNoise, 1.035);  // the bound of the project's own test captures
 }
 
