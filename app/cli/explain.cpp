@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "app/cli/fit_effects.h"
 #include "app/cli/fit_folder.h"
 #include "app/cli/verbs.h"
 #include "engine/capture/two_shot_capture.h"
@@ -24,23 +25,6 @@ struct ExplainArguments {
 /// What was not added and still speaks against the model is worth a line each; beyond this many,
 /// explain.json.
 constexpr std::size_t kMostConsidered = 5;
-
-void printFinding(const EffectFinding& finding, Console& console) {
-  console.say("");
-  console.say(effectTitle(finding.id) + " (" + finding.id + ")");
-  if (!finding.sentence.empty()) console.say("  " + finding.sentence);
-  std::string values;
-  for (const EffectEstimate& estimate : finding.parameters)
-    values += (values.empty() ? "" : "; ") + estimateText(estimate);
-  if (!values.empty()) console.say("  " + values);
-  std::string line = "  Evidence: " + evidenceWords(finding);
-  if (finding.sigmas > 0) line += ", " + shortNumber(finding.sigmas) + " standard deviations";
-  if (finding.confidence > 0) line += "; confidence " + percent(finding.confidence);
-  if (finding.holdoutRmsWith >= 0 && finding.holdoutRmsWithout >= 0)
-    line += "; error without it " + percent(finding.holdoutRmsWithout) + ", with it " +
-            percent(finding.holdoutRmsWith);
-  console.say(line);
-}
 
 void printSummary(const Explanation& explanation, Console& console) {
   const ExplanationVerdict verdict = verdictOf(explanation);

@@ -3,6 +3,7 @@
 #include <charconv>
 #include <memory>
 
+#include "app/cli/fit_effects.h"
 #include "app/cli/fit_flash.h"
 #include "app/cli/fit_folder.h"
 #include "app/cli/fit_report.h"
@@ -68,10 +69,9 @@ FourierFitStorage storageBeside(const fs::path& out) {
 int runFit(FitArguments& arguments, Context& context) {
   const Result<std::string> kind = captureKind(arguments.bundle);
   const bool twoShot = kind && *kind == "two-shot", flash = kind && *kind == "flash";
-  if (arguments.effects != "none" && !flash) {
-    return context.misuse("effects (--effects " + arguments.effects +
-                          ") are not in this version of patina-cli. Try: --effects none.");
-  }
+  const auto wanted = wantedEffects(arguments.effects, kind ? *kind : "");
+  if (!wanted)
+    return context.misuse("--effects " + wanted.error().what + ". Try: " + wanted.error().tryThis + ".");
   FourierFitOptions& options = arguments.options;
   options.lobe = arguments.lobe == "paper" ? LobeMapping::PaperAffine : LobeMapping::ExactMoments;
   options.weights =
@@ -106,6 +106,17 @@ int runFit(FitArguments& arguments, Context& context) {
   if (!wrong.empty() && (twoShot || flash || (kind && *kind == "fourier"))) {
     return context.misuse(wrong + " doesn't apply to a bundle of kind '" + *kind +
                           "'. Try: patina-cli fit --help, which says what belongs to which kind.");
+  }
+  if (!wanted->none && kind && (!flash || wanted->automatic)) {
+    // The effects' fit decides about lobe, weights and schedule by itself.
+    std::string settled = typed(arguments.fourierOnly);
+    for (const auto* more : {&arguments.twoShotOnly, &arguments.flashOnly})
+      if (const std::string names = typed(*more); !names.empty())
+        settled += (settled.empty() ? "" : ", ") + names;
+    if (!settled.empty())
+      return context.misuse(settled + " can't be chosen together with --effects " + arguments.effects +
+                            ". Try: without " + settled + ".");
+    return runFitWithEffects(arguments.bundle, arguments.out, *wanted, options.size, context);
   }
   if (flash) {
     arguments.flash.size = options.size, arguments.flash.effects = arguments.effects;
@@ -203,10 +214,10 @@ void addFitVerb(CLI::App& program, Context& context) {
       ->option_text("N");
   verb->add_option(
           "--effects", arguments->effects,
-          byDefault("Effects beyond the standard model, fitted with it; kind flash: ids with commas\n"
-                    "between them (docs/flash.md), other kinds: none",
+          byDefault("Effects beyond the standard model, fitted with it: ids with commas between them\n"
+                    "(docs/effects.md); auto: those that the photographs show, as explain finds them",
                     "none"))
-      ->option_text("none|ID,ID");
+      ->option_text("none|auto|ID,ID");
 
   constexpr const char* kModel = "Bundles of kind fourier";
   verb->add_option("--lobe", arguments->lobe,

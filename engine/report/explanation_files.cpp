@@ -131,12 +131,18 @@ bool belongsToBundle(const fs::path& folder, const Explanation& explanation) {
 
 }  // namespace
 
-Status writeExplanation(const fs::path& folder, const Explanation& explanation) {
+namespace {
+
+Status write(const fs::path& folder, const Explanation& explanation, bool withReport) {
   if (belongsToBundle(folder, explanation))
     return Error{ErrorCode::Refused, "a bundle is never written to", folder.string(),
                  "choose a folder beside it"};
-  auto report = explanationReport(explanation);
-  if (!report) return report.error();
+  std::string report;
+  if (withReport) {
+    auto made = explanationReport(explanation);
+    if (!made) return made.error();
+    report = std::move(*made);
+  }
   std::set<fs::path> stale = earlierMaps(folder);
   for (const EffectFinding& effect : explanation.effects)
     for (const auto& [stem, map] : effect.maps) stale.erase(effectMapFile(stem));
@@ -146,10 +152,12 @@ Status writeExplanation(const fs::path& folder, const Explanation& explanation) 
   if (auto status = writeFit(staged->path(), explanation); !status) return status;
   if (auto status = noteEffects(staged->path() / "fit.json", explanation); !status) return status;
   if (auto status = writeEffectMaps(staged->path(), explanation); !status) return status;
-  if (auto status = writeFileAtomically(staged->path() / "report.html", *report); !status) return status;
-  if (auto status = writeFileAtomically(staged->path() / "explain.json", explanationJson(explanation));
-      !status)
-    return status;
+  if (withReport) {
+    if (auto status = writeFileAtomically(staged->path() / "report.html", report); !status) return status;
+    if (auto status = writeFileAtomically(staged->path() / "explain.json", explanationJson(explanation));
+        !status)
+      return status;
+  }
   // A map of an effect that the new result doesn't have would be taken for a part of it, unless the new fit
   // has a map of that name itself.
   for (auto file = stale.begin(); file != stale.end();) {
@@ -162,6 +170,16 @@ Status writeExplanation(const fs::path& folder, const Explanation& explanation) 
     fs::remove(folder / file, none);
   }
   return Done{};
+}
+
+}  // namespace
+
+Status writeExplanation(const fs::path& folder, const Explanation& explanation) {
+  return write(folder, explanation, true);
+}
+
+Status writeExplainedFit(const fs::path& folder, const Explanation& explanation) {
+  return write(folder, explanation, false);
 }
 
 }  // namespace patina

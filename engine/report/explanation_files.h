@@ -16,5 +16,7 @@ Result<std::string> explanationReport(const Explanation& explanation);
 /// all at once or not at all: an earlier result stays as it was when something fails. Errors: WriteFailed,
 /// Refused (the folder holds something else).
 Status writeExplanation(const std::filesystem::path& folder, const Explanation& explanation);
+/// The final fit alone, with maps of added effects; explain.json and report.html aren't written.
+Status writeExplainedFit(const std::filesystem::path& folder, const Explanation& explanation);
 
 }  // namespace patina

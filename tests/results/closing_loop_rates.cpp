@@ -31,7 +31,8 @@ struct Plan {
   int bundles = 100;
   std::uint64_t seed = 1;
   std::string strength = "both";
-  bool pairs = false, clean = false, curve = false, again = false, fitOnly = false, simulateOnly = false;
+  bool pairs = false, clean = false, curve = false, again = false, fitOnly = false, simulateOnly = false,
+       told = false;
   int pixels = 0, threads = 0;
   fs::path cache, page, images, csv;
 };
@@ -123,6 +124,19 @@ void fitAlone(const fs::path& bundle, const JobContext& job, LoopOutcome& outcom
   outcome.holdoutBefore = (*fit)->stats().holdoutRms;
   mapErrors(**fit, bundle, outcome.normalBeforeDeg, outcome.sigmaBefore);
 }
+
+#ifdef PATINA_HAS_EXPLAIN
+/// What a fit reaches that is told which effects are in the photographs.
+void tellIt(const fs::path& bundle, const JobContext& job, LoopOutcome& outcome) {
+  ExplainOptions options;
+  options.pictures = false;
+  const Result<ExplanationPtr> told = explainWith({bundle}, outcome.truth, options, job);
+  if (!told) return;  // an effect that no fit can be told of: no figure
+  outcome.holdoutTold = (*told)->after.holdoutRms;
+  if ((*told)->fourierAfter)
+    mapErrors(*(*told)->fourierAfter, bundle, outcome.normalToldDeg, outcome.sigmaTold);
+}
+#endif
 
 void explainIt(const fs::path& bundle, const JobContext& job, LoopOutcome& outcome) {
 #ifdef PATINA_HAS_EXPLAIN
@@ -240,10 +254,15 @@ bool outcomeOf(Item& item, const Plan& plan, LoopOutcome& outcome) {
   }
   if (plan.simulateOnly) return true;
   const auto start = std::chrono::steady_clock::now();
-  if (plan.fitOnly)
+  if (plan.fitOnly) {
     fitAlone(bundle, job, outcome);
-  else
+  } else {
     explainIt(bundle, job, outcome);
+#ifdef PATINA_HAS_EXPLAIN
+    if (plan.told && outcome.failure.empty() && (item.kind == "strong" || item.kind == "pairs"))
+      tellIt(bundle, job, outcome);
+#endif
+  }
   if (const double floor = trueNoiseFloor(bundle); floor > 0) outcome.noiseFloor = floor;
   outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const fs::path partial = file.string() + ".new";
@@ -318,6 +337,7 @@ int main(int argc, char** argv) {
   app.add_option("--page", plan.page, "The page whose part is written");
   app.add_option("--images", plan.images, "Folder for its charts");
   app.add_option("--csv", plan.csv, "Table, a line a capture [default: results.csv in the cache]");
+  app.add_flag("--told", plan.told, "Also fit with the effects that are in it told, for the errors' ratio");
   app.add_flag("--again", plan.again, "Explain again what was explained already (the captures stay)");
   app.add_flag("--fit-only", plan.fitOnly,
                "Only fit: how far each effect raises the held-out error; no page");

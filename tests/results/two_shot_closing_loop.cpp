@@ -5,21 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "devices/simulated/two_shot_rig.h"
 #include "engine/brdf/brdf_file.h"
 #include "engine/brdf/brdf_summary.h"
 #include "engine/diagnosis/two_shot_explain.h"
-#include "engine/image/png.h"
-#include "engine/render/label.h"
 #include "engine/report/explanation_words.h"
-#include "engine/report/residual_pictures.h"
 #include "engine/twoshot/fit.h"
 #include "tests/base/temp_folder.h"
+#include "tests/results/closing_loop_page.h"
 #include "tests/results/page_part.h"
 #include "tests/test_data.h"
 
@@ -62,73 +58,6 @@ TwoShotScene sceneOf(const BrdfPtr& brdf, bool towardsLight) {
   scene.noise.shot = 2e-5, scene.noise.read = 1e-4;
   scene.effects.surroundings = 2e-3;
   return scene;
-}
-
-std::string truthOf(const fs::path& bundle) {
-  std::ifstream in(bundle / "truth/truth.json");
-  const auto json = nlohmann::json::parse(in, nullptr, false);
-  if (!json.is_object() || !json.contains("effects")) return "not known";
-  std::string text;
-  for (const auto& [name, value] : json.at("effects").items())
-    text += (text.empty() ? "" : ", ") + name + " " + value.dump();
-  std::replace(text.begin(), text.end(), '|', '/');
-  return text.empty() ? "nothing" : text;
-}
-
-/// Photograph, prediction before and after, and both residuals, in a row; the photograph that was predicted
-/// worst.
-bool writePicture(const Explanation& e, const fs::path& file) {
-  if (e.pictures.empty()) return false;
-  constexpr int kSide = 110, kGap = 4, kHead = 14;
-  const ResidualView view = residualView(e.pictures.front(), kSide);
-  if (view.empty()) return false;
-  const std::vector<std::pair<const char*, const Image*>> parts{{"PHOTOGRAPH", &view.captured},
-                                                                {"BEFORE", &view.predictedBefore},
-                                                                {"AFTER", &view.predictedAfter},
-                                                                {"ERROR BEFORE", &view.before},
-                                                                {"ERROR AFTER", &view.after}};
-  const int width = view.captured.width(), height = view.captured.height();
-  const int columns = static_cast<int>(parts.size());
-  Image sheet(columns * (width + kGap) - kGap, height + kHead, 3, 1.0f);
-  for (int k = 0; k < columns; ++k) {
-    const Image& part = *parts[static_cast<std::size_t>(k)].second;
-    if (part.width() != width || part.height() != height) continue;
-    const int left = k * (width + kGap);
-    drawLabel(sheet, left, 3, parts[static_cast<std::size_t>(k)].first, 1, {0.2f, 0.2f, 0.2f});
-    for (int y = 0; y < height; ++y)
-      for (int x = 0; x < width; ++x)
-        for (int c = 0; c < 3; ++c) sheet.at(left + x, kHead + y, c) = part.at(x, y, c);
-  }
-  return writePng(file, sheet).ok();
-}
-
-std::string whatWasFound(const Explanation& e) {
-  std::string text;
-  for (const EffectFinding& effect : e.effects) {
-    text += (text.empty() ? "" : "; ") + ("**" + effect.id + "**");
-    std::string numbers;
-    for (std::size_t i = 0; i < effect.parameters.size() && i < 3; ++i)
-      numbers += (i ? ", " : "") + estimateText(effect.parameters[i]);
-    if (!numbers.empty()) text += " (" + numbers + ")";
-    for (const auto& group : e.confusable)
-      if (group.size() > 1 && group.front() == effect.id) text += " or " + group[1];
-  }
-  return text.empty() ? "nothing" : text;
-}
-
-std::string evidence(const Explanation& e) {
-  std::string text;
-  for (const EffectFinding& effect : e.effects)
-    text +=
-        (text.empty() ? "" : " ") + effect.verdict + " Confidence " + wholePercent(effect.confidence) + ".";
-  if (text.empty()) {
-    // The candidate that came nearest.
-    const auto best = std::find_if(e.considered.begin(), e.considered.end(),
-                                   [](const EffectFinding& f) { return f.holdoutRmsWith >= 0; });
-    text = best == e.considered.end() ? "no candidate" : "nearest: " + best->id + ". " + best->verdict;
-  }
-  std::replace(text.begin(), text.end(), '|', '/');
-  return text;
 }
 
 class Page {
@@ -211,19 +140,6 @@ class Page {
     return plan_.only.empty() || name.find(plan_.only) != std::string::npos;
   }
 
-  static std::vector<fs::path> foldersIn(const fs::path& folder) {
-    std::vector<fs::path> found;
-    std::error_code error;
-    for (const auto& entry : fs::directory_iterator(folder, error))
-      if (entry.is_directory()) found.push_back(entry.path());
-    std::sort(found.begin(), found.end());
-    return found;
-  }
-
-  static std::string error(double rms, double noise) {
-    return rms < 0 ? "none" : percent(rms) + " (" + percent(noise) + ")";
-  }
-
   std::string brdfError(const std::shared_ptr<const TwoShotFit>& fit, const Brdf& truth) const {
     if (!fit || fit->materials.empty() || !fit->materials[0].brdf) return "";
     const auto compared = compareBrdfs(*fit->materials[0].brdf, truth, job_);
@@ -245,8 +161,8 @@ class Page {
     row.name = subject.name, row.truth = subject.truth;
     row.found = whatWasFound(e), row.evidence = evidence(e);
     const ErrorSummary summary = errorSummary(e);
-    row.before = error(summary.before, summary.noise);
-    row.after = e.effects.empty() ? "the same" : error(summary.after, summary.noise);
+    row.before = errorText(summary.before, summary.noise);
+    row.after = e.effects.empty() ? "the same" : errorText(summary.after, summary.noise);
     row.left = wholePercent(e.unexplained.fraction) + ". " + e.unexplained.description;
     if (subject.brdf) {
       row.brdf = brdfError(e.twoShotBefore, *subject.brdf);
