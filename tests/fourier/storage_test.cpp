@@ -317,5 +317,36 @@ TEST_F(Storage, FitsOfEarlierVersionsStillLoad) {
   EXPECT_EQ((*loaded)->options(), FourierFitOptions{});
 }
 
+/// Bytes that this process has asked the system to read.
+std::uint64_t bytesRead() {
+  std::ifstream io("/proc/self/io");
+  std::string name;
+  std::uint64_t value = 0;
+  while (io >> name >> value)
+    if (name == "rchar:") return value;
+  return 0;
+}
+
+TEST_F(Storage, PhotographsAreReadOnce) {
+  if (bytesRead() == 0) GTEST_SKIP() << "this system doesn't count what a process reads";
+  const FourierCapture bundle = capture();
+  std::uint64_t photographs = 0, beginnings = 0;
+  for (const FourierPhoto& photo : bundle.photos) {
+    const std::uint64_t bytes = fs::file_size(bundle.folder / photo.file);
+    photographs += bytes, beginnings += std::min<std::uint64_t>(bytes, 1 << 16);
+  }
+  for (const std::uint64_t memory : {std::uint64_t{4} << 30, std::uint64_t{128} << 20}) {
+    FourierFitOptions options;
+    options.memoryLimitBytes = memory;
+    const std::uint64_t before = bytesRead();
+    const auto fit = fitFourier(bundle, options, {});
+    ASSERT_TRUE(fit.ok()) << fit.error().sentence();
+    EXPECT_GE(bytesRead() - before, photographs);  // else this test sees nothing
+    // A file's first 64 KiB are read once more, where its header is checked before the library gets it.
+    EXPECT_LT(bytesRead() - before, 1.25 * static_cast<double>(photographs) + static_cast<double>(beginnings))
+        << memory;
+  }
+}
+
 }  // namespace
 }  // namespace patina::test
