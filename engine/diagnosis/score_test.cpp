@@ -142,8 +142,8 @@ void ScoreTest::add(DiagnosisCapture& capture, const FourierDiagnosisModel& mode
     const Eigen::MatrixXd weighted = w.asDiagonal() * stacked;
     const Eigen::MatrixXd gram = gramOfColumns(weighted);
     if (!gram.allFinite()) return;
-    const OwnSystem system = ownSystem(ownPrior(capture, site), gram.topLeftCorner(kOwnCount, kOwnCount),
-                                       gram.col(kOwnCount + dense).head(kOwnCount));
+    const OwnSystem system = boundedSystem(capture, site, gram.topLeftCorner(kOwnCount, kOwnCount),
+                                           gram.col(kOwnCount + dense).head(kOwnCount));
     if (system.llt.info() != Eigen::Success) return;
     const SparseProducts photographs = sparseProducts(capture, fitted, sparseRows, sparse, w, at, weighted);
     Eigen::MatrixXd joint(kOwnCount, all);

@@ -25,7 +25,8 @@ inline constexpr float kFinestPhase =
 inline constexpr int kPad = 16;  // floats of the widest vector
 inline constexpr int kLobeNodes = kSide * kSide;  // a multiple of kPad
 inline constexpr int kMostGrid = 512;
-inline constexpr float kHorizonWidth = 0.04f;  // of a horizon's logistic edge, in sines of elevation
+inline constexpr float kHorizonWidth = 0.04f;  // of a trial horizon's logistic edge, in sines of elevation
+inline constexpr float kGridHorizonWidth = 0.016f;  // of one over the lit area's own nodes
 // What 24 and 16 Legendre nodes over the lit area resolve, pattern units.
 inline constexpr float kBumpCentre[3] = {0.35f, 0.55f, 0.75f}, kBumpWidth = 0.15f;
 inline constexpr float kMostAlongX = 9, kMostAlongY = 11;

@@ -11,6 +11,7 @@
 namespace patina {
 namespace {
 
+constexpr float kAtBound = 1e-4f;
 constexpr double kFrozen = 1e-6;         // standard deviation of what isn't free
 constexpr double kStretchScatter = 0.3;  // of a place's stretch about its material's: a third more or less
 
@@ -80,6 +81,31 @@ OwnSystem ownSystem(const OwnPrior& prior, const Eigen::MatrixXd& gram, const Ei
   return system;
 }
 
+OwnSystem boundedSystem(const DiagnosisCapture& capture, const DiagnosisSite& site,
+                        const Eigen::MatrixXd& gram, const Eigen::VectorXd& rhs) {
+  OwnPrior prior = ownPrior(capture, site);
+  std::array<bool, kOwnCount> at{};
+  at[kOwnKurtosis] = std::log(std::max(1.0f, site.model.kurtosis)) < kAtBound;
+  for (std::size_t c = 0; c < 3; ++c) {
+    at[kOwnDiffuse + c] = site.diffuse[c] < kAtBound;
+    at[kOwnSpecular + c] = site.specular[c] < kAtBound;
+  }
+  OwnSystem system = ownSystem(prior, gram, rhs);
+  for (int round = 0; round < kOwnCount && system.llt.info() == Eigen::Success; ++round) {
+    const Eigen::VectorXd step = system.llt.solve(system.rhs);
+    bool held = false;
+    for (std::size_t k = 0; k < kOwnCount; ++k) {
+      if (!at[k] || !(step[static_cast<Eigen::Index>(k)] < 0)) continue;
+      at[k] = false;
+      prior.mean[k] = 0, prior.invSd[k] = 1 / kFrozen;
+      held = true;
+    }
+    if (!held) break;
+    system = ownSystem(prior, gram, rhs);
+  }
+  return system;
+}
+
 void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, int steps,
                  const JobContext& job, bool mayDrop) {
   tbb::enumerable_thread_specific<SiteColumns> scratch;
@@ -123,7 +149,7 @@ void refineSites(DiagnosisCapture& capture, const FourierDiagnosisModel& model, 
       const Eigen::MatrixXd j = w.asDiagonal() * at.own;
       Eigen::MatrixXd gram = j.transpose() * j;
       gram.diagonal() *= 1 + damping;
-      const OwnSystem system = ownSystem(ownPrior(capture, site), gram, j.transpose() * rNow);
+      const OwnSystem system = boundedSystem(capture, site, gram, j.transpose() * rNow);
       if (system.llt.info() != Eigen::Success) break;
       const Eigen::VectorXd delta = system.llt.solve(system.rhs);
       if (!delta.allFinite()) break;

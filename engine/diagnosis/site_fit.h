@@ -21,6 +21,11 @@ struct OwnSystem {
 };
 /// `gram`, `rhs`: of the own parameters' columns, in units of noise.
 OwnSystem ownSystem(const OwnPrior& prior, const Eigen::MatrixXd& gram, const Eigen::VectorXd& rhs);
+/// The same for a site whose parameters may stand at a bound (a lobe without kurtosis, an albedo of nothing):
+/// what would be pushed through it is held there. Without that the others' steps count on a move that isn't
+/// made, and every effect that such a move would help looks large.
+OwnSystem boundedSystem(const DiagnosisCapture& capture, const DiagnosisSite& site,
+                        const Eigen::MatrixXd& gram, const Eigen::VectorXd& rhs);
 
 /// Moves the sites' own parameters towards their optimum under the model: `steps` Gauss-Newton steps,
 /// parallel.

@@ -13,24 +13,27 @@ namespace patina {
 namespace {
 
 constexpr double kWellPredicted = 1.15, kNotWell = 1.2;
+constexpr double kHorizonShare = 0.4;  ///< of a site's chi-square above noise, that a horizon must take off
 
-/// Chi-square of a site's fitted photographs, robust factor left out.
-double chi2Of(const DiagnosisCapture& capture, const FourierDiagnosisModel& model, const DiagnosisSite& site,
+/// Chi-square of a site's fitted photographs in units of noise: no robust factor, no scatter of components
+/// (`plain` has none), which where every site stands in a shadow is the shadow itself.
+double chi2Of(const DiagnosisCapture& plain, const FourierDiagnosisModel& model, const DiagnosisSite& site,
               double& count, SiteColumns& scratch) {
   model.evaluate(site, quadrature::kPrediction, scratch);
   DiagnosisSite whole = site;
   whole.robust = 1;
-  const Eigen::VectorXd w = rootWeights(capture, whole, false);
+  const Eigen::VectorXd w = rootWeights(plain, whole, false);
   count = static_cast<double>((w.array() > 0).count());
-  return w.cwiseProduct(residualOf(capture, site, scratch)).squaredNorm();
+  return w.cwiseProduct(residualOf(plain, site, scratch)).squaredNorm();
 }
 
+/// The capture with one site, without the scatter of components.
 DiagnosisCapture alone(const DiagnosisCapture& capture, const DiagnosisSite& site) {
   DiagnosisCapture one;
   one.fit = capture.fit, one.state = capture.state;
   one.frequencies = capture.frequencies, one.rows = capture.rows;
   one.clusterCount = capture.clusterCount, one.fullScale = capture.fullScale;
-  one.knownLambertian = capture.knownLambertian, one.inflation = capture.inflation;
+  one.knownLambertian = capture.knownLambertian;
   one.sites = {site};
   one.sites[0].robust = 1;
   return one;
@@ -41,11 +44,13 @@ DiagnosisCapture alone(const DiagnosisCapture& capture, const DiagnosisSite& sit
 std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel& model, const JobContext& job,
                          const std::vector<DiagnosisSite>* seeds) {
   const std::size_t count = capture.sites.size();
+  if (count == 0) return 0;
+  const DiagnosisCapture plain = alone(capture, capture.sites.front());
   std::vector<double> chi2(count, -1), numbers(count, 1);
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
     SiteColumns scratch;
     if (capture.sites[i].usable && !job.cancelled())
-      chi2[i] = chi2Of(capture, model, capture.sites[i], numbers[i], scratch);
+      chi2[i] = chi2Of(plain, model, capture.sites[i], numbers[i], scratch);
   });
   const std::vector<DiagnosisSite> before = capture.sites;
   std::atomic<std::size_t> found{0};
@@ -65,7 +70,8 @@ std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel&
       const double distance = (before[j].pixel - site.pixel).squaredNorm();
       if (distance < least) least = distance, near = j;
     }
-    double best = chi2[i] - kHorizonGain;
+    // What the lobe can't do isn't a shadow: most of what is wrong must go with it.
+    double best = chi2[i] - std::max(kHorizonGain, kHorizonShare * (chi2[i] - numbers[i]));
     DiagnosisSite chosen = site;
     SiteColumns scratch;
     const auto tryOut = [&](float sine, const DiagnosisSite* other) {
@@ -81,7 +87,7 @@ std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel&
       DiagnosisCapture one = alone(capture, trial);
       refineSites(one, model, 6, job, false);
       double n = 0;
-      const double after = chi2Of(capture, model, one.sites[0], n, scratch);
+      const double after = chi2Of(plain, model, one.sites[0], n, scratch);
       if (!(after < best)) return;
       best = after;
       chosen = one.sites[0];

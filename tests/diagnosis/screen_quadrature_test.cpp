@@ -57,6 +57,7 @@ BruteForce bruteForce(const Rig& rig, const QuadratureSite& site, Eigen::Vector2
   const double gamma = site.kurtosis, c = std::sqrt(2 / (1 / (gamma * gamma) + gamma * gamma));
   const double sigma[2] = {c * site.sigma / gamma, c * site.sigma * gamma};
   const double area = 4 * frame.halfExtent.x() * frame.halfExtent.y() / (kAcross * kUp);
+  const Eigen::Vector3d up = frame.screenFromWorld.col(2);
   BruteForce sum;
   for (int j = 0; j < kUp; ++j) {
     for (int i = 0; i < kAcross; ++i) {
@@ -73,6 +74,7 @@ BruteForce bruteForce(const Rig& rig, const QuadratureSite& site, Eigen::Vector2
           std::exp(-0.5 * (frame.emissionPrecision.x() * ex * ex + frame.emissionPrecision.y() * ey * ey)) *
           d / (length * length * length) * area;
       const Eigen::Vector3d toLight(lx / length, ly / length, -d / length);
+      if (up.dot(toLight) < site.horizonSine) continue;  // a hard edge
       sum.diffuse += light * std::max(0.0, n.dot(toLight)) / 3.141592653589793;
       const Eigen::Vector3d h = (toLight + view).normalized();
       const double nh = n.dot(h), slope2 = 1 / (nh * nh) - 1;
@@ -102,6 +104,39 @@ TEST(ScreenQuadrature, AgreesWithBruteForceOverTheScreen) {
             << sigma << " " << f;
       }
     }
+  }
+}
+
+TEST(ScreenQuadrature, AHorizonCutsTheScreenAsSharplyAsTheNodesAllow) {
+  const Rig rig;
+  const ScreenQuadrature quad(rig.frame, kSample, kFrequencies, {});
+  for (const float sigma : {0.04f, 0.12f}) {
+    QuadratureSite site = siteOf(rig, 12, -20, sigma);
+    const Columns whole(quad, site, kPrediction);
+    site.horizonSine = 0.69f;  // 44 degrees: through the lobe
+    const Columns got(quad, site, kPrediction);
+    const double diffuseScale = whole.largest(kDiffuse), specularScale = whole.largest(kSpecularStart);
+    double hidden = 0;
+    for (const int f : {0, 2, 4}) {
+      for (int phase = 0; phase < 2; ++phase) {
+        const BruteForce want = bruteForce(rig, site, kFrequencies[static_cast<std::size_t>(f)], phase);
+        EXPECT_NEAR(got.at(kDiffuse, 4 * f + phase), want.diffuse, 0.01 * diffuseScale) << sigma << " " << f;
+        EXPECT_NEAR(got.at(kSpecularStart, 4 * f + phase), want.specular, 0.02 * specularScale)
+            << sigma << " " << f;
+        hidden = std::max(hidden, std::abs(whole.at(kSpecularStart, 4 * f + phase) - want.specular));
+      }
+    }
+    EXPECT_GT(hidden, 0.1 * specularScale);  // else the test shows nothing
+    // By the horizon's sine.
+    const Columns all(quad, site, kEverything);
+    QuadratureSite higher = site, lower = site;
+    higher.horizonSine += 0.003f, lower.horizonSine -= 0.003f;
+    const Columns a(quad, higher, kPrediction), b(quad, lower, kPrediction);
+    const int column = kSpecularStart + kSpecularLight + kHorizonAt;
+    for (int r = 0; r < all.rows; ++r)
+      EXPECT_NEAR(all.at(column, r), (a.at(kSpecularStart, r) - b.at(kSpecularStart, r)) / 0.006,
+                  0.05 * all.largest(column))
+          << r;
   }
 }
 

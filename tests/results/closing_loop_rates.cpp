@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
@@ -191,6 +192,23 @@ constexpr double kStrongRise = 1.5;
 constexpr double kFactors[] = {1, 1.6, 2.5, 4};
 constexpr int kOtherSheets = 4;  ///< a matte sheet never shows some effects; then another is drawn
 
+/// Whether what was asked for happened: a sensor that clips above everything that it was shown did nothing.
+bool happened(const DrawnCapture& drawn, const fs::path& bundle) {
+  if (std::ranges::find(drawn.effects, "saturation") == drawn.effects.end()) return true;
+  const double level = drawn.options.effects.saturation.level;
+  const nlohmann::json truth = nlohmann::json::parse(readText(bundle / "truth/truth.json"), nullptr, false);
+  const Result<FourierCapture> capture = readFourierCapture(bundle);
+  if (!truth.is_object() || !capture) return false;
+  const double full = truth.at("camera_full_scale");
+  std::size_t clipped = 0;
+  for (const FourierPhoto& photo : capture->photos) {
+    const Result<Image> image = readPhoto(*capture, photo);
+    if (!image) return false;
+    for (const float sample : image->samples()) clipped += sample >= 0.999 * level * full;
+  }
+  return clipped >= 200;  // samples: a few pixels of a few photographs
+}
+
 /// Makes a strong item strong: the smallest factor, on the first sheet, for which a fit is half more wrong
 /// than the noise. Remembers it beside the bundle. False where nothing is strong enough.
 bool strengthen(Item& item, const Plan& plan, const JobContext& job) {
@@ -212,7 +230,7 @@ bool strengthen(Item& item, const Plan& plan, const JobContext& job) {
       const DrawnCapture drawn = drawAgain(sheet, tried);
       if (drawn.strength == last) break;  // as strong as one meets
       last = drawn.strength;
-      if (!simulateDrawn(drawn, bundle, job)) continue;
+      if (!simulateDrawn(drawn, bundle, job) || !happened(drawn, bundle)) continue;
       LoopOutcome fitted;
       fitAlone(bundle, job, fitted);
       const double floor = trueNoiseFloor(bundle);
@@ -225,13 +243,43 @@ bool strengthen(Item& item, const Plan& plan, const JobContext& job) {
   return false;
 }
 
+/// A weak item whose effect does something: on the first of some sheets. False where none of them.
+bool makeHappen(Item& item, const Plan& plan, const JobContext& job) {
+  const std::uint64_t seed = item.drawn.seed;
+  for (int sheet = 0; sheet < kOtherSheets; ++sheet) {
+    if (sheet > 0)
+      item.drawn = drawCapture(seed + static_cast<std::uint64_t>(sheet) * 50000, item.drawn.effects,
+                               DrawStrength::Weak, plan.pixels, item.factor);
+    if (simulateDrawn(item.drawn, plan.cache / item.name, job) &&
+        happened(item.drawn, plan.cache / item.name))
+      return true;
+  }
+  return false;
+}
+
+/// Keeps what the engine says of its search, for whoever looks into an answer.
+class LogFile : public LogSink {
+ public:
+  explicit LogFile(const fs::path& file) : out_(file) {}
+  void log(Level, std::string_view sentence) override {
+    const std::lock_guard lock(mutex_);
+    out_ << sentence << '\n';
+  }
+
+ private:
+  std::mutex mutex_;
+  std::ofstream out_;
+};
+
 /// What is known of an item: from the file of an earlier run, or worked out now. False where it was stopped.
 bool outcomeOf(Item& item, const Plan& plan, LoopOutcome& outcome) {
   const fs::path bundle = plan.cache / item.name,
                  file = plan.cache / (item.name + (plan.fitOnly ? ".fit.json" : ".json"));
   JobContext job;
   job.threads = plan.threads;
-  const bool strongEnough = item.kind != "strong" || strengthen(item, plan, job);
+  const bool strong = item.kind == "strong" || item.kind == "pairs";
+  const bool strongEnough =
+      strong ? strengthen(item, plan, job) : item.kind != "weak" || makeHappen(item, plan, job);
   const std::vector<std::string> truth = item.drawn.options.effects.ids();
   if (!plan.again && outcomeFromJson(readText(file), outcome) && outcome.strength == item.drawn.strength &&
       outcome.field == item.drawn.strengthField)
@@ -257,7 +305,10 @@ bool outcomeOf(Item& item, const Plan& plan, LoopOutcome& outcome) {
   if (plan.fitOnly) {
     fitAlone(bundle, job, outcome);
   } else {
-    explainIt(bundle, job, outcome);
+    LogFile log(plan.cache / (item.name + ".log"));
+    JobContext logged = job;
+    logged.logSink = &log;
+    explainIt(bundle, logged, outcome);
 #ifdef PATINA_HAS_EXPLAIN
     if (plan.told && outcome.failure.empty() && (item.kind == "strong" || item.kind == "pairs"))
       tellIt(bundle, job, outcome);
