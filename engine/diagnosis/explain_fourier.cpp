@@ -265,7 +265,7 @@ class FourierExplainer {
     refineSession(*session_, 4, job_, false);
     for (std::size_t k = 0; k < session_->captures.size(); ++k)
       if (session_->states[k].has("self-shadowing"))
-        findHorizons(session_->captures[k], modelOf(*session_, k), job_);
+        findHorizons(session_->captures[k], modelOf(*session_, k), job_, &from.captures[k].sites);
     refineSession(*session_, 5, job_, false);
   }
 

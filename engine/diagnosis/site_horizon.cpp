@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -74,8 +75,11 @@ std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel&
     double best = chi2[i] - std::max(kHorizonGain, kHorizonShare * (chi2[i] - numbers[i]));
     DiagnosisSite chosen = site;
     SiteColumns scratch;
-    const auto tryOut = [&](float sine, const DiagnosisSite* other) {
-      if (job.cancelled()) return;
+    struct Tried {
+      double chi2 = 0;
+      DiagnosisSite site;
+    };
+    const auto started = [&](float sine, const DiagnosisSite* other) {
       DiagnosisSite trial = site;
       if (other) {
         trial.model.slopeX = other->model.slopeX, trial.model.slopeY = other->model.slopeY;
@@ -84,13 +88,18 @@ std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel&
       }
       trial.horizonSine = sine;
       trial.ownHorizon = true;
-      DiagnosisCapture one = alone(capture, trial);
-      refineSites(one, model, 6, job, false);
+      return trial;
+    };
+    const auto refined = [&](const DiagnosisSite& from, int steps) {
+      DiagnosisCapture one = alone(capture, from);
+      refineSites(one, model, steps, job, false);
       double n = 0;
-      const double after = chi2Of(plain, model, one.sites[0], n, scratch);
-      if (!(after < best)) return;
-      best = after;
-      chosen = one.sites[0];
+      return Tried{chi2Of(plain, model, one.sites[0], n, scratch), one.sites[0]};
+    };
+    const auto take = [&](const Tried& tried) {
+      if (!(tried.chi2 < best)) return;
+      best = tried.chi2;
+      chosen = tried.site;
       chosen.robust = site.robust;
     };
     if (seeds) {
@@ -102,16 +111,25 @@ std::size_t findHorizons(DiagnosisCapture& capture, const FourierDiagnosisModel&
         if (distance < closest) closest = distance, seed = &other;
       }
       if (seed) {
-        tryOut(seed->horizonSine, seed);
-        if (best > kNotWell * numbers[i]) tryOut(seed->horizonSine, nullptr);
+        take(refined(started(seed->horizonSine, seed), 6));
+        if (best > kNotWell * numbers[i]) take(refined(started(seed->horizonSine, nullptr), 6));
       }
     } else {
+      // All starts a little way, the best three to the end.
       constexpr double kRadians = 0.017453292519943295;
-      for (const DiagnosisSite* other :
-           {near < count ? &before[near] : nullptr, static_cast<const DiagnosisSite*>(nullptr)})
+      std::vector<const DiagnosisSite*> starts;
+      if (near < count) starts.push_back(&before[near]);
+      starts.push_back(nullptr);
+      for (const DiagnosisSite* other : starts) {
+        if (best <= kWellPredicted * numbers[i]) break;
+        std::vector<Tried> all;
         for (const double degrees : {48.0, 34.0, 56.0, 41.0, 27.0, 20.0, 64.0})
-          if (best > kWellPredicted * numbers[i])
-            tryOut(static_cast<float>(std::sin(degrees * kRadians)), other);
+          if (!job.cancelled())
+            all.push_back(refined(started(static_cast<float>(std::sin(degrees * kRadians)), other), 2));
+        std::ranges::sort(all, {}, &Tried::chi2);
+        for (std::size_t k = 0; k < std::min<std::size_t>(all.size(), 3) && !job.cancelled(); ++k)
+          if (best > kWellPredicted * numbers[i]) take(refined(all[k].site, 5));
+      }
     }
     if (!chosen.ownHorizon) return;
     DiagnosisCapture one = alone(capture, chosen);
