@@ -281,6 +281,11 @@ class FourierExplainer {
     // What has been added is itself modelled to some part in a hundred: less than that may be its shadow.
     if (c.noiseGain < kShadow * mostAdded_) return false;
     if (heldRows() == 0) return true;
+    // Held-out photographs that could hardly show it (a clipping that only the brightest reach) can't decide:
+    // then they must not speak against it, and the fitted ones must say it plainly.
+    if (c.score.heldGain < kMuteHeldGain * c.phi && c.score.numbers <= 6 && c.heldGain > 0 &&
+        c.improvement > kPlainImprovement * c.phi)
+      return true;
     // Beyond its uncertainty; or, where a few patches hold most of it, in nearly all patches.
     return c.heldGain > kLeastHeldGain * c.phi && (c.heldGain > 2 * c.heldSd || c.betterPatches > 0.75);
   }
@@ -499,6 +504,7 @@ class FourierExplainer {
   static constexpr std::size_t kRefits = 6, kRefitSites = 150, kFinalSites = 400;
   static constexpr double kLeastImprovement = 25, kLeastHeldGain = 6;
   static constexpr double kShadow = 0.015;
+  static constexpr double kMuteHeldGain = 12, kPlainImprovement = 150;
   static constexpr double kPlentyOfGain = 3000;  ///< of the score: with as much, kRefitSites tell
   static constexpr double kOrdered = 0.7;
   static constexpr double kFirstOrder = 6;  ///< a refit gains at most so many times what the score says
