@@ -281,11 +281,9 @@ class FourierExplainer {
     // What has been added is itself modelled to some part in a hundred: less than that may be its shadow.
     if (c.noiseGain < kShadow * mostAdded_) return false;
     if (heldRows() == 0) return true;
-    // Held-out photographs that could hardly show it (a clipping that only the brightest reach) can't decide:
-    // then they must not speak against it, and the fitted ones must say it plainly.
-    if (c.score.heldGain < kMuteHeldGain * c.phi && c.score.numbers <= 6 && c.heldGain > 0 &&
-        c.improvement > kPlainImprovement * c.phi)
-      return true;
+    // A few numbers that all photographs together ask for plainly can't be overfitted: the held-out ones, a
+    // fifth of them, then must not speak against it, which is all that they can say of a weak effect.
+    if (c.score.numbers <= 6 && c.heldGain > 0 && c.improvement > kPlainImprovement * c.phi) return true;
     // Beyond its uncertainty; or, where a few patches hold most of it, in nearly all patches.
     return c.heldGain > kLeastHeldGain * c.phi && (c.heldGain > 2 * c.heldSd || c.betterPatches > 0.75);
   }
@@ -417,6 +415,17 @@ class FourierExplainer {
     }
   }
 
+  /// Takes an effect out again, the others fitted without it.
+  void withdraw(const std::string id) {
+    dropped_.push_back(id);
+    std::erase(added_, id);
+    resetEffect(*session_, id);
+    refineSession(*session_, 4, job_, false);
+    DiagnosisSession middle = thinned(*session_, kFinalSites);
+    refit_ = refitEffects(middle, added_, 4, job_);
+    takeOver(middle);
+  }
+
   Status finish() {
     const auto start = Clock::now();
     dropUnneeded();
@@ -430,7 +439,7 @@ class FourierExplainer {
     const auto maps = Clock::now();
     out_->fourierAfter = out_->fourierBefore;
     out_->after = out_->before;
-    if (!added_.empty()) {
+    while (!added_.empty()) {
       job_.progress("maps", 0, 1, "steps");
       auto corrected = correctCapture(*session_, 0, job_);
       if (!corrected) return corrected.error();
@@ -441,8 +450,24 @@ class FourierExplainer {
       corrected_.emplace(std::move(*corrected));
       if (!fit) return fit.error();
       if ((*fit)->stats().cancelled) return cancelled();
-      out_->fourierAfter = *fit;
-      out_->after = {(*fit)->stats().fitRms, (*fit)->stats().holdoutRms};
+      const FourierFitStats& stats = (*fit)->stats();
+      const double now = stats.holdoutRms >= 0 ? stats.holdoutRms : stats.fitRms,
+                   was = stats.holdoutRms >= 0 ? out_->before.holdoutRms : out_->before.fitRms;
+      if (now <= kWorse * was) {
+        out_->fourierAfter = *fit;
+        out_->after = {stats.fitRms, stats.holdoutRms};
+        break;
+      }
+      if (added_.size() > 1) {  // the weakest goes, and its numbers with it
+        withdraw(*std::ranges::min_element(added_, {}, [&](const std::string& id) {
+          return scores_.contains(id) ? scores_[id].improvement : 0;
+        }));
+        continue;
+      }
+      out_->remarks.push_back(
+          "The whole fit is not better with it than without, so the maps are those without it: the effect is "
+          "seen by the numerical model only.");
+      break;
     }
     time("maps", maps);
 
@@ -504,7 +529,8 @@ class FourierExplainer {
   static constexpr std::size_t kRefits = 6, kRefitSites = 150, kFinalSites = 400;
   static constexpr double kLeastImprovement = 25, kLeastHeldGain = 6;
   static constexpr double kShadow = 0.015;
-  static constexpr double kMuteHeldGain = 12, kPlainImprovement = 150;
+  static constexpr double kWorse = 1.002;  ///< of the error before: a fit with effects that is no better
+  static constexpr double kPlainImprovement = 50;
   static constexpr double kPlentyOfGain = 3000;  ///< of the score: with as much, kRefitSites tell
   static constexpr double kOrdered = 0.7;
   static constexpr double kFirstOrder = 6;  ///< a refit gains at most so many times what the score says

@@ -70,6 +70,7 @@ float* lightVariable(EffectState& state, const EffectColumn& column, const Effec
 }
 
 /// Strengths that no rig or sample has.
+constexpr double kNoLess = -5e-4;  ///< of shares that can't be negative, but for noise
 bool beyondSense(const EffectState& state) {
   for (const float a : state.screen.angular)
     if (std::abs(a) > 4) return true;
@@ -79,7 +80,9 @@ bool beyondSense(const EffectState& state) {
   if (state.pose.head<3>().norm() > 0.2 || state.pose.tail<3>().norm() > 40) return true;
   if (state.height.norm() > 25) return true;
   if (std::abs(state.responseGamma) > 0.6 || std::abs(state.responseCompression) > 1.5) return true;
-  if (state.glare < -0.02 || state.glare > 0.7 || state.defocus < -0.1 || state.defocus > 6) return true;
+  // Light that a lens or a room would have to take away is no light of theirs.
+  if (state.glare < kNoLess || state.glare > 0.7 || state.defocus < -0.01 || state.defocus > 6) return true;
+  if (state.stray < kNoLess || state.saturation[0] + state.saturation[1] < 10 * kNoLess) return true;
   for (const auto& m : state.material) {
     if (std::hypot(m.stretch[0], m.stretch[1]) > 3) return true;
     if (m.third[0] + m.third[1] > 1.2 || m.third[0] < -0.4 || m.third[1] < -0.4) return true;

@@ -42,7 +42,7 @@ class Dice {
 struct Variant {
   const char* id;
   const char* field;
-  double weakLow, weakHigh;
+  double weakLow, weakHigh;      ///< 0: never weak
   double strongLow, strongHigh;  ///< 0: never strong
   double most;                   ///< that one meets: no factor goes beyond it
   bool both = false;
@@ -65,7 +65,8 @@ const std::vector<Variant>& variants() {
       {"emission-angular", "cosine", 0.08, 0.14, 0, 0, 0.5, true},
       {"emission-angular", "beyond", 0.08, 0.14, 0, 0, 0.5, true},
       {"emission-spatial", "edges", 0.018, 0.03, 0.3, 0.6, 0.9, false},
-      {"emission-spatial", "gradient", 0.018, 0.03, 0.25, 0.5, 0.8, false,
+      // A weak gradient is a tilt of all normals; it is drawn strong only.
+      {"emission-spatial", "gradient", 0, 0, 0.25, 0.5, 0.8, false,
        [](SimulatedEffects& e, Dice& d, const SimulatedSheet&) {
          e.emissionSpatial.gradientAngleDeg = d.between(0, 360);
        }},
@@ -109,7 +110,7 @@ const std::vector<Variant>& variants() {
          e.clearcoat.sigma = d.between(0.025, 0.04);
          e.clearcoat.material = anyMaterial(d, s);
        }},
-      {"subsurface", "radiusMm", 5, 10, 0, 0, 30, false},
+      {"subsurface", "radiusMm", 12, 20, 0, 0, 40, false},
       {"self-shadowing", "horizonDeg", 38, 44, 40, 50, 60, false,
        [](SimulatedEffects& e, Dice& d, const SimulatedSheet&) {
          if (d.chance(0.3)) {
@@ -228,7 +229,8 @@ void drawEffect(DrawnCapture& drawn, const std::string& id, DrawStrength strengt
                 double factor, Dice& dice) {
   std::vector<const Variant*> candidates;
   for (const Variant& variant : variants())
-    if (variant.id == id && (strength == DrawStrength::Weak || given || variant.strongHigh > 0))
+    if (variant.id == id &&
+        (given || (strength == DrawStrength::Weak ? variant.weakHigh : variant.strongHigh) > 0))
       candidates.push_back(&variant);
   if (candidates.empty()) return;
   const Variant& variant =

@@ -77,8 +77,10 @@ std::vector<Item> itemsOf(const Plan& plan) {
                                  weak = shuffled(drawnEffects(DrawStrength::Weak), plan.seed);
   for (int i = 0; i < plan.bundles; ++i) {
     const auto n = static_cast<std::size_t>(i);
-    if (plan.strength != "weak") add("strong", i, {strong[n % strong.size()]}, DrawStrength::Strong);
-    if (plan.strength != "strong") add("weak", i, {weak[n % weak.size()]}, DrawStrength::Weak);
+    if (plan.strength == "strong" || plan.strength == "both")
+      add("strong", i, {strong[n % strong.size()]}, DrawStrength::Strong);
+    if (plan.strength == "weak" || plan.strength == "both")
+      add("weak", i, {weak[n % weak.size()]}, DrawStrength::Weak);
     if (plan.clean) add("clean", i, {}, DrawStrength::Weak);
     if (plan.pairs) {
       const std::string& first = strong[n % strong.size()];
@@ -377,8 +379,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 99999));
   app.add_option("--seed", plan.seed, "Of the draw; a new one for every release [default: 1]");
   app.add_option("--strength", plan.strength,
-                 "Captures with one effect: strong, weak or both [default: both]")
-      ->check(CLI::IsMember({"strong", "weak", "both"}));
+                 "Captures with one effect: strong, weak, both or none [default: both]")
+      ->check(CLI::IsMember({"strong", "weak", "both", "none"}));
   app.add_flag("--pairs", plan.pairs, "Also captures with two effects");
   app.add_flag("--clean", plan.clean, "Also captures without any");
   app.add_flag("--curve", plan.curve, "Also captures from an eighth to four times the weak strength");
