@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <optional>
 
 #include "engine/diagnosis/explain_kinds.h"
@@ -196,7 +197,8 @@ class FourierExplainer {
         DiagnosisSession trial = small;
         std::vector<std::string> effects = added_;
         effects.push_back(c.id);
-        c.refit = refitEffects(trial, effects, 4, job_);
+        // Clipping bends the own parameters far from where they belong: the way back is long.
+        c.refit = refitEffects(trial, effects, c.id == "saturation" ? 12 : 4, job_);
         if (job_.cancelled()) return cancelled();
         judgeRefit(c, before, trial, static_cast<double>(heldRows()));
         if (c.plausible) mostImprovement = std::max(mostImprovement, c.improvement);
@@ -225,14 +227,12 @@ class FourierExplainer {
         if (simple) best = simple;
       }
       // A named cause before a free form that does hardly better.
-      if (best && best->id == "basis-deviation") {
-        for (const std::size_t i : list) {
-          FourierCandidate& c = all[i];
-          if (&c != best && acceptable(c) && c.improvement > 0.9 * best->improvement &&
+      if (best && best->id == "basis-deviation")
+        for (const std::size_t i : list)
+          if (FourierCandidate& c = all[i];
+              &c != best && acceptable(c) && c.improvement > 0.9 * best->improvement &&
               (best->id == "basis-deviation" || c.improvement > best->improvement))
             best = &c;
-        }
-      }
       if (round == 0 && !list.empty()) noteTried(all, list);
       if (!best) {
         last_.emplace(std::move(test));
@@ -282,8 +282,10 @@ class FourierExplainer {
     if (c.noiseGain < kShadow * mostAdded_) return false;
     if (heldRows() == 0) return true;
     // A few numbers that all photographs together ask for plainly can't be overfitted: the held-out ones, a
-    // fifth of them, then must not speak against it, which is all that they can say of a weak effect.
-    if (c.score.numbers <= 6 && c.heldGain > 0 && c.improvement > kPlainImprovement * c.phi) return true;
+    // fifth of them, then must not speak against it, which is all that they can say of a weak effect. What
+    // comes after another effect may be what that one left.
+    if (added_.empty() && c.score.numbers <= 6 && c.heldGain > 0 && c.improvement > kPlainImprovement * c.phi)
+      return true;
     // Beyond its uncertainty; or, where a few patches hold most of it, in nearly all patches.
     return c.heldGain > kLeastHeldGain * c.phi && (c.heldGain > 2 * c.heldSd || c.betterPatches > 0.75);
   }
@@ -388,30 +390,42 @@ class FourierExplainer {
   void dropUnneeded() {
     if (added_.size() < 2) return;
     DiagnosisSession small = thinned(*session_, kRefitSites);
-    const SessionError with = sessionError(small, job_);
+    SessionError with = sessionError(small, job_);
     withoutRms_.clear();
-    for (std::size_t k = 0; k < added_.size() && added_.size() > 1;) {
-      std::vector<std::string> others = added_;
-      others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
-      DiagnosisSession trial = small;
-      resetEffect(trial, added_[k]);
-      refineSession(trial, 4, job_, false);
-      RefitResult refit = refitEffects(trial, others, 3, job_);
-      if (job_.cancelled()) return;
+    // Whichever is missed least goes first: what was added before the right cause was found.
+    while (added_.size() > 1) {
       const double phi = std::max(1.0, with.chi2 / std::max(with.count, 1.0));
-      const double loss = refit.error.all() - with.all();
-      withoutRms_[added_[k]] = refit.error.first.heldRms;
-      if (loss < kLeastImprovement * phi || refit.error.noise - with.noise < kShadow * mostAdded_) {
-        dropped_.push_back(added_[k]);
-        resetEffect(*session_, added_[k]);
-        added_ = others;
-        session_->states = trial.states;
-        refineSession(*session_, 5, job_, false);
-        refit_ = refit;
-        small = thinned(*session_, kRefitSites);
-        continue;
+      std::size_t least = added_.size();
+      double leastLoss = std::numeric_limits<double>::max();
+      std::optional<DiagnosisSession> without;
+      RefitResult refitWithout;
+      for (std::size_t k = 0; k < added_.size(); ++k) {
+        std::vector<std::string> others = added_;
+        others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+        DiagnosisSession trial = small;
+        resetEffect(trial, added_[k]);
+        refineSession(trial, 4, job_, false);
+        RefitResult refit = refitEffects(trial, others, 3, job_);
+        if (job_.cancelled()) return;
+        withoutRms_[added_[k]] = refit.error.first.heldRms;
+        const double loss = refit.error.all() - with.all();
+        loss_[added_[k]] = loss;
+        const bool unneeded =
+            loss < kLeastImprovement * phi || refit.error.noise - with.noise < kShadow * mostAdded_;
+        if (!unneeded || loss >= leastLoss) continue;
+        least = k, leastLoss = loss;
+        without.emplace(std::move(trial));
+        refitWithout = std::move(refit);
       }
-      ++k;
+      if (!without) break;
+      dropped_.push_back(added_[least]);
+      resetEffect(*session_, added_[least]);
+      added_.erase(added_.begin() + static_cast<std::ptrdiff_t>(least));
+      session_->states = without->states;
+      refineSession(*session_, 5, job_, false);
+      refit_ = std::move(refitWithout);
+      small = thinned(*session_, kRefitSites);
+      with = sessionError(small, job_);
     }
   }
 
@@ -474,7 +488,9 @@ class FourierExplainer {
     // Strongest first; the free form, which names nothing, last.
     std::vector<std::string> order = added_;
     std::ranges::stable_sort(order, {}, [&](const std::string& id) {
-      const double weight = scores_.contains(id) ? scores_[id].improvement : 0;
+      const double weight = loss_.contains(id)     ? loss_[id]
+                            : scores_.contains(id) ? scores_[id].improvement
+                                                   : 0;
       return (id == "basis-deviation" ? 1e18 : 0) - weight;
     });
     for (const std::string& id : order) {
@@ -546,6 +562,7 @@ class FourierExplainer {
   std::map<std::string, FourierCandidate> scores_;
   std::map<std::string, SignaturePlot> plots_;
   std::map<std::string, double> withoutRms_;
+  std::map<std::string, double> loss_;  ///< of chi-square without it, the others in: what "strongest" means
   std::optional<ScoreTest> last_;
   std::optional<CorrectedCapture> corrected_;
   RefitResult refit_;
