@@ -139,6 +139,19 @@ void LiveRig::moveCamera(const Camera& camera) {
   state_->sceneChanged();
 }
 
+void LiveRig::exchangeScreen(int widthPx, int heightPx) {
+  const std::lock_guard lock(state_->mutex);
+  Screen& screen = state_->setup.screen;
+  if (screen.widthPx == widthPx && screen.heightPx == heightPx) return;
+  for (Screen* one : {&screen, &state_->sceneSetup.screen}) {
+    one->widthPx = widthPx;
+    one->heightPx = heightPx;
+    one->heightMm = one->widthMm * heightPx / widthPx;
+  }
+  state_->glass.clear();
+  state_->sceneChanged();
+}
+
 void LiveRig::moveSample(const Eigen::Vector2d& toMm, double turnDeg) {
   const std::lock_guard lock(state_->mutex);
   state_->sceneSetup.sampleShiftMm = toMm;
@@ -167,6 +180,16 @@ void LiveRig::light(const std::optional<LiveLamp>& lamp) {
 RigTime LiveRig::now() const {
   const std::lock_guard lock(state_->mutex);
   return state_->now();
+}
+
+bool LiveRig::waitUntil(RigTime when, const std::stop_token& stop) {
+  std::unique_lock lock(state_->mutex);
+  if (!state_->setup.realTime) {
+    state_->clock = std::max(state_->clock, when);
+    return !stop.stop_requested();
+  }
+  state_->changed.wait_until(lock, stop, when, [] { return false; });
+  return !stop.stop_requested();
 }
 
 std::uint64_t LiveRig::picturesShown() const {
