@@ -98,15 +98,19 @@ Result<std::shared_ptr<LiveRig>> LiveRig::create(const LiveRigSetup& setup) {
   scene.sheet = setup.sheet;
   scene.brdfs = setup.brdfs;
   scene.effects = setup.effects;
-  if (Status ready = state->prepareScene(); !ready) return ready.error();
   state->fullScaleSecond = setup.fullScaleSecond;
   if (!(state->fullScaleSecond > 0)) {
+    Result<LiveScene> made = LiveScene::create(scene, JobContext{});
+    if (!made) return made.error();
+    state->scene.emplace(std::move(*made));
     PatternSpec window;
     window.kind = PatternSpec::Kind::Window;
     double brightest = 0;
     const Image light = state->scene->radiance(patternImage(window, setup.screen));
     for (const float sample : light.samples()) brightest = std::max<double>(brightest, sample);
     state->fullScaleSecond = brightest > 0 ? 0.1 * brightest : 1;
+  } else if (Status ready = state->prepareScene(); !ready) {
+    return ready.error();
   }
   return std::shared_ptr<LiveRig>(new LiveRig(std::move(state)));
 }
@@ -249,7 +253,10 @@ CameraInfo LiveRig::State::info() const {
 }
 
 Status LiveRig::State::prepareScene() {
+  // Until the screen shows something, its light needs no paths: boards and lamps cost a fraction then.
+  if (scene && !sceneSetup.screenLit && !glass.empty()) scene.reset();
   if (!scene) {
+    sceneSetup.screenLit = !glass.empty();
     Result<LiveScene> made = LiveScene::create(sceneSetup, JobContext{});
     if (!made) return made.error();
     scene.emplace(std::move(*made));
