@@ -56,6 +56,7 @@ RigController::~RigController() {
 void RigController::openCamera(const std::string& id) {
   if (job_.running()) return;
   closeCamera();
+  cameraId_ = id;
   using Opened = std::shared_ptr<std::pair<std::unique_ptr<CameraDevice>, std::shared_ptr<LiveRig>>>;
   openJob_.start<Opened>(
       [services = services_, id](const JobContext&) -> Result<Opened> {
@@ -93,7 +94,46 @@ void RigController::closeCamera() {
   feed_->forget();
   lastFrame_.reset();
   cameraProblem_.clear();
+  cameraId_.clear();
   if (any) Q_EMIT cameraChanged();
+}
+
+Status RigController::setFormat(const FrameFormat& format) {
+  const Error none{ErrorCode::Refused, "the camera is in use by what runs now", "",
+                   "wait until that is over"};
+  if (!camera_ || job_.running()) return none;
+  camera_->stop();
+  feed_->forget();
+  const Status set = camera_->setFormat(format);
+  startStream();
+  Q_EMIT cameraChanged();
+  return set;
+}
+
+Result<double> RigController::setControl(CameraControlId id, double value) {
+  if (!camera_ || job_.running())
+    return Error{ErrorCode::Refused, "the camera is in use by what runs now", "", "wait until that is over"};
+  return camera_->set(id, value);
+}
+
+QStringList RigController::holdAutomatics() {
+  QStringList remarks;
+  if (!camera_ || job_.running()) return remarks;
+  const Result<std::vector<CameraControl>> controls = camera_->controls();
+  if (!controls) return remarks;
+  for (const CameraControl& control : *controls) {
+    const bool automatic = control.id == CameraControlId::AutoExposure ||
+                           control.id == CameraControlId::AutoWhiteBalance ||
+                           control.id == CameraControlId::AutoFocus;
+    if (!automatic || control.value == 0) continue;
+    if (const Result<double> off = camera_->set(control.id, 0); !off || *off != 0) {
+      QString name = QString::fromStdString(controlName(control.id));
+      name[0] = name[0].toUpper();
+      remarks
+          << tr("%1 can't be switched off from here: hold it at the camera, if it can be held.").arg(name);
+    }
+  }
+  return remarks;
 }
 
 void RigController::setLive(bool live) {
@@ -126,8 +166,13 @@ void RigController::cameraEnded(const Error& error) {
 void RigController::chooseScreen(const ScreenInfo& screen) {
   const bool other = !screen_ || screen_->id != screen.id || screen_->widthPx != screen.widthPx ||
                      screen_->heightPx != screen.heightPx;
-  if (other) closeDisplay();
+  if (other) {
+    closeDisplay();
+    latency_.reset();
+  }
   screen_ = screen;
+  if (simulation_ && screen.id != kSimulatedScreen)
+    simulation_->exchangeScreen(screen.widthPx, screen.heightPx);
   Q_EMIT screenChanged();
 }
 
@@ -135,7 +180,6 @@ Result<std::shared_ptr<PatternDisplay>> RigController::display() {
   if (display_) return display_;
   if (!screen_)
     return Error{ErrorCode::Refused, "no screen is chosen", "", "choose the screen that lights the sample"};
-  if (simulation_) simulation_->exchangeScreen(screen_->widthPx, screen_->heightPx);
   Result<std::shared_ptr<PatternDisplay>> opened =
       services_.openDisplay(screen_->id, simulation_.get(), [this](const Error& error) {
         display_.reset();
@@ -144,7 +188,14 @@ Result<std::shared_ptr<PatternDisplay>> RigController::display() {
       });
   if (!opened) return opened.error();
   display_ = *opened;
+  if (latency_) display_->setLatency(*latency_);
   return display_;
+}
+
+void RigController::setLatency(std::optional<std::chrono::microseconds> latency) {
+  latency_ = latency;
+  if (display_ && latency_) display_->setLatency(*latency_);
+  Q_EMIT screenChanged();
 }
 
 void RigController::showPicture(const ShownPicture& picture) {

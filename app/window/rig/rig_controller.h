@@ -1,6 +1,8 @@
 #pragma once
 
 #include <QObject>
+#include <QStringList>
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -10,6 +12,9 @@
 #include "widgets/live_view.h"
 
 namespace patina {
+
+/// The id of the simulated rig's own screen, which has no window.
+inline constexpr const char* kSimulatedScreen = "simulated";
 
 class LiveFeed;
 class Settings;
@@ -39,6 +44,14 @@ class RigController : public QObject {
   QString cameraProblem() const { return cameraProblem_; }
   /// The simulated rig that it is of; null for a real one.
   std::shared_ptr<LiveRig> simulation() const { return simulation_; }
+  std::string cameraId() const { return cameraId_; }  ///< as it was asked for; empty: none
+  /// Chooses a format; the live picture is interrupted. Errors: those of the camera; Refused while a job
+  /// runs.
+  Status setFormat(const FrameFormat& format);
+  /// Sets a control and says what is in force then. Errors likewise.
+  Result<double> setControl(CameraControlId id, double value);
+  /// Switches off what the camera would set by itself; sentences about what can't be.
+  QStringList holdAutomatics();
   /// A live picture by `frameArrived`, whenever no job has the camera to itself; jobs show what they see too.
   void setLive(bool live);
   LiveFramePtr lastFrame() const { return lastFrame_; }
@@ -46,6 +59,9 @@ class RigController : public QObject {
   // ---- the screen ----
   void chooseScreen(const ScreenInfo& screen);
   std::optional<ScreenInfo> screen() const { return screen_; }
+  /// From picture to light, measured on the chosen screen; empty: guessed.
+  void setLatency(std::optional<std::chrono::microseconds> latency);
+  std::optional<std::chrono::microseconds> latency() const { return latency_; }
   /// The pattern window on the chosen screen, opened at the first call. Errors: Refused (none chosen, or it
   /// is gone). Keep the copy for as long as a job shows pictures.
   Result<std::shared_ptr<PatternDisplay>> display();
@@ -110,7 +126,9 @@ class RigController : public QObject {
   std::shared_ptr<LiveRig> simulation_;
   std::unique_ptr<LiveFeed> feed_;  ///< outlives the camera, whose thread fills it
   std::unique_ptr<CameraDevice> camera_;
+  std::string cameraId_;
   QString cameraProblem_;
+  std::optional<std::chrono::microseconds> latency_;
   std::optional<ScreenInfo> screen_;
   std::shared_ptr<PatternDisplay> display_;
   bool live_ = false;
