@@ -47,6 +47,7 @@ int GuideTest::stepOf(GuidePanel& panel, const QString& title) {
 
 void GuideTest::click(QWidget* widget) {
   ASSERT_NE(widget, nullptr);
+  until([widget] { return widget->isVisible() && widget->isEnabled(); }, 2000);  // layouts show theirs later
   ASSERT_TRUE(widget->isVisible()) << widget->objectName().toStdString();
   ASSERT_TRUE(widget->isEnabled()) << widget->objectName().toStdString() << ": "
                                    << widget->toolTip().toStdString();
