@@ -37,7 +37,7 @@ int runCurve(const ScreenArguments& arguments, Context& context) {
     if (!photo) return context.fail(photo.error());
     samples.push_back({grey[i], meanLight(*photo, region)});
   }
-  const Result<ScreenResponse> found = fitScreenResponse(samples);
+  const Result<ScreenCurve> found = fitScreenResponse(samples);
   if (!found) return context.fail(found.error());
   context.console.finishProgress();
   context.console.say(

@@ -10,7 +10,10 @@ namespace patina {
 CaptureGuides::CaptureGuides(RigServices services, Settings& settings, QStackedWidget* pages, QObject* parent)
     : QObject(parent), pages_(pages), rig_(std::move(services), settings) {}
 
-CaptureGuides::~CaptureGuides() = default;
+CaptureGuides::~CaptureGuides() {
+  rig_.shutDown();
+  for (GuidePanel* panel : panels_) delete panel;  // before the controller that their steps know
+}
 
 GuidePanel* CaptureGuides::panel(Kind kind) {
   GuidePanel*& panel = panels_[static_cast<std::size_t>(kind)];

@@ -25,7 +25,8 @@ Result<Photograph> takePhotograph(CameraDevice& camera, const PhotographOptions&
   StillRequest request;
   request.notBefore = options.notBefore;
   if (exposure) {
-    request.exposureS = std::clamp(options.exposureS.value_or(exposure->value), exposure->least, exposure->most);
+    request.exposureS =
+        std::clamp(options.exposureS.value_or(exposure->value), exposure->least, exposure->most);
     if (!options.exposureS)
       request.exposureS =
           wholeRefreshes(*request.exposureS, options.refreshHz, exposure->least, exposure->most);
@@ -43,15 +44,13 @@ Result<Photograph> takePhotograph(CameraDevice& camera, const PhotographOptions&
       for (const float sample : clipped->samples()) clippedShare += sample;
       clippedShare /= std::max<double>(1, static_cast<double>(clipped->samples().size()));
     }
-    photograph.exposureS =
-        frames->front().metadata.exposureS.value_or(request.exposureS.value_or(0.0));
+    photograph.exposureS = frames->front().metadata.exposureS.value_or(request.exposureS.value_or(0.0));
     photograph.clippedShare = clippedShare;
     photograph.image = std::move(*image);
     if (!exposure || options.exposureS || attempt + 1 >= kAttempts) break;
-    const double wanted =
-        wholeRefreshes(exposureFor(photograph.image, {}, *request.exposureS, options.fill, kPercentile,
-                                   exposure->least, exposure->most),
-                       options.refreshHz, exposure->least, exposure->most);
+    const double wanted = wholeRefreshes(exposureFor(photograph.image, {}, *request.exposureS, options.fill,
+                                                     kPercentile, exposure->least, exposure->most),
+                                         options.refreshHz, exposure->least, exposure->most);
     if (std::abs(wanted / *request.exposureS - 1) < kNear) break;
     request.exposureS = wanted;
   }

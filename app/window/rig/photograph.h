@@ -9,18 +9,18 @@
 namespace patina {
 
 struct PhotographOptions {
-  int frames = 1;          ///< averaged. More: less noise, longer
-  double fill = 0.8;       ///< share of full scale that the brightest percentile may reach
-  double refreshHz = 0;    ///< of a screen that lights it: exposures are whole periods; 0: no screen does
-  RigTime notBefore{};     ///< exposure begins at this time or later
+  int frames = 1;        ///< averaged. More: less noise, longer
+  double fill = 0.8;     ///< share of full scale that the brightest percentile may reach
+  double refreshHz = 0;  ///< of a screen that lights it: exposures are whole periods; 0: no screen does
+  RigTime notBefore{};   ///< exposure begins at this time or later
   std::optional<double> exposureS;  ///< given: nothing is chosen
   FrameConversion conversion;
 };
 
 /// A photograph for a calibration.
 struct Photograph {
-  Image image;           ///< linear, share of full scale, black level off
-  double exposureS = 0;  ///< really in force; 0: the camera doesn't say
+  Image image;              ///< linear, share of full scale, black level off
+  double exposureS = 0;     ///< really in force; 0: the camera doesn't say
   double clippedShare = 0;  ///< of its pixels
 };
 

@@ -44,11 +44,18 @@ RigController::RigController(RigServices services, Settings& settings, QObject* 
 }
 
 RigController::~RigController() {
-  job_.disconnect();
-  showJob_.disconnect();
-  openJob_.disconnect();
-  job_.abandon();
+  shutDown();
+}
+
+void RigController::shutDown() {
+  disconnect();
+  for (JobRunner* job : {&job_, &showJob_, &openJob_}) {
+    job->disconnect();
+    job->abandonAndWait();
+  }
   if (camera_) camera_->stop();
+  camera_.reset();
+  display_.reset();
 }
 
 // ---- the camera ----

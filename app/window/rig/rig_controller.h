@@ -101,6 +101,8 @@ class RigController : public QObject {
     return true;
   }
   JobRunner& job() { return job_; }
+  /// Ends what runs and waits for it, and lets the camera go: before the pages that it reports to are gone.
+  void shutDown();
   bool busy() const { return job_.running(); }
 
  Q_SIGNALS:
