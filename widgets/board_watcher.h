@@ -26,8 +26,8 @@ struct BoardSighting {
 };
 using BoardSightingPtr = std::shared_ptr<const BoardSighting>;
 
-/// Looks for boards in live frames on a thread of its own. The newest frame wins: those that come while one is
-/// being looked at are dropped. The window's thread never waits.
+/// Looks for boards in live frames on a thread of its own. The newest frame wins: those that come while one
+/// is being looked at are dropped. The window's thread never waits.
 class BoardWatcher : public QObject {
   Q_OBJECT
 

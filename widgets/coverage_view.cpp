@@ -47,10 +47,9 @@ QPolygonF nextViewOutline(const CalibrationCoverage& coverage, const Board& boar
       if (2 * column + columns == kColumns && 2 * row + rows == kRows) ++empty;
       if (empty > most) most = empty, bestColumn = column, bestRow = row;
     }
-  const QRectF box(width * static_cast<double>(bestColumn) / kColumns,
-                   height * static_cast<double>(bestRow) / kRows,
-                   width * static_cast<double>(columns) / kColumns,
-                   height * static_cast<double>(rows) / kRows);
+  const QRectF box(
+      width * static_cast<double>(bestColumn) / kColumns, height * static_cast<double>(bestRow) / kRows,
+      width * static_cast<double>(columns) / kColumns, height * static_cast<double>(rows) / kRows);
   return tilted(box, missingTilt(coverage));
 }
 
@@ -90,10 +89,10 @@ void CoverageView::paintEvent(QPaintEvent*) {
       painter.fillRect(QRectF(picture.left() + column * cellWidth, picture.top() + row * cellHeight,
                               cellWidth, cellHeight),
                        theme::kSunken);
-      painter.fillRect(QRectF(picture.left() + column * cellWidth, picture.top() + row * cellHeight,
-                              cellWidth, cellHeight)
-                           .adjusted(0.5, 0.5, -0.5, -0.5),
-                       colour);
+      painter.fillRect(
+          QRectF(picture.left() + column * cellWidth, picture.top() + row * cellHeight, cellWidth, cellHeight)
+              .adjusted(0.5, 0.5, -0.5, -0.5),
+          colour);
     }
   painter.setPen(QPen(QColor(255, 255, 255, 150), 1.6, Qt::SolidLine, Qt::RoundCap));
   for (const Eigen::Vector2d& corner : corners_)

@@ -20,19 +20,16 @@ void drawBoard(QPainter& painter, const QTransform& transform, const Board& boar
   painter.setBrush(Qt::NoBrush);
   painter.setPen(QPen(QColor(226, 168, 72, 150), 3, Qt::SolidLine, Qt::RoundCap));
   for (const Eigen::Vector2d& pixel : found.loose) painter.drawPoint(placeOf(transform, pixel));
-  const QColor colour = !found.found          ? theme::kWarning
-                        : found.view.mirrored ? theme::kAccent
-                                              : theme::kGood;
+  const QColor colour = !found.found ? theme::kWarning : found.view.mirrored ? theme::kAccent : theme::kGood;
   QPointF middle;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const QPointF at = placeOf(transform, corners[i].pixel);
     middle += at / static_cast<double>(corners.size());
     const int row = corners[i].id / board.cornersX();
-    if (i > 0 && corners[i - 1].id == corners[i].id - 1 &&
-        corners[i - 1].id / board.cornersX() == row) {
-      painter.setPen(QPen(row == 0 ? QColor(255, 255, 255, 220) : QColor(colour.red(), colour.green(),
-                                                                        colour.blue(), 130),
-                          row == 0 ? 2 : 1.2));
+    if (i > 0 && corners[i - 1].id == corners[i].id - 1 && corners[i - 1].id / board.cornersX() == row) {
+      painter.setPen(QPen(
+          row == 0 ? QColor(255, 255, 255, 220) : QColor(colour.red(), colour.green(), colour.blue(), 130),
+          row == 0 ? 2 : 1.2));
       painter.drawLine(placeOf(transform, corners[i - 1].pixel), at);
     }
   }
@@ -65,9 +62,8 @@ void drawSentence(QPainter& painter, const QRectF& within, const QString& text, 
   font.setWeight(QFont::DemiBold);
   painter.setFont(font);
   const QRectF room = within.adjusted(18, 12, -18, -12);
-  const QRectF needed = painter.boundingRect(room, static_cast<int>(Qt::AlignHCenter | Qt::AlignTop) |
-                                                       Qt::TextWordWrap,
-                                             text);
+  const QRectF needed =
+      painter.boundingRect(room, static_cast<int>(Qt::AlignHCenter | Qt::AlignTop) | Qt::TextWordWrap, text);
   painter.setPen(Qt::NoPen);
   painter.setBrush(QColor(20, 20, 20, 205));
   painter.drawRoundedRect(needed.adjusted(-12, -6, 12, 6), 6, 6);
@@ -84,8 +80,7 @@ void drawArrow(QPainter& painter, const QRectF& within, double right, double up)
   const QPointF to = from + reach * shrink * QPointF(right, -up);
   const QPointF along = (to - from) / std::max(1.0, std::hypot(to.x() - from.x(), to.y() - from.y()));
   const QPointF across(-along.y(), along.x());
-  for (const auto& [colour, width] :
-       {std::pair(QColor(0, 0, 0, 170), 9.0), std::pair(theme::kAccent, 5.0)}) {
+  for (const auto& [colour, width] : {std::pair(QColor(0, 0, 0, 170), 9.0), std::pair(theme::kAccent, 5.0)}) {
     painter.setPen(QPen(colour, width, Qt::SolidLine, Qt::RoundCap, Qt::RoundJoin));
     painter.drawLine(from, to);
     painter.drawPolyline(QPolygonF{to - 16 * along + 11 * across, to, to - 16 * along - 11 * across});

@@ -12,8 +12,9 @@ namespace patina {
 /// text are in widget pixels, so that they are the same at every zoom.
 namespace live_overlay {
 
-/// Corners as rings joined row by row, the first row bright, mirrored ones in another colour; loose corners as
-/// faint dots. `share`: how long it has stood still, drawn as a closing ring at the board's middle; 0: none.
+/// Corners as rings joined row by row, the first row bright, mirrored ones in another colour; loose corners
+/// as faint dots. `share`: how long it has stood still, drawn as a closing ring at the board's middle; 0:
+/// none.
 void drawBoard(QPainter& painter, const QTransform& widgetFromPicture, const Board& board,
                const BoardDetection& found, double share = 0);
 /// A dashed outline: where something should go.

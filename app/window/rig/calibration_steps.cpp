@@ -1,9 +1,19 @@
-// The guided calibration of a rig, and the guided two-shot capture.
+// The guided calibration of a rig whose screen lights the sample.
+#include "app/window/rig/checkerboard_step.h"
+#include "app/window/rig/mirror_step.h"
 #include "app/window/rig/rig_steps.h"
+#include "app/window/rig/screen_response_step.h"
+#include "app/window/rig/white_paper_step.h"
+#include "widgets/guide_panel.h"
 
 namespace patina {
 
-void addFourierCalibrationSteps(GuidePanel&, RigController&) {}
+void addFourierCalibrationSteps(GuidePanel& panel, RigController& rig) {
+  panel.addStep(new CheckerboardStep(rig));
+  panel.addStep(new MirrorStep(rig));
+  panel.addStep(new ScreenResponseStep(rig));
+  panel.addStep(new WhitePaperStep(rig));
+}
 
 void addTwoShotSteps(GuidePanel&, RigController&) {}
 
