@@ -13,7 +13,7 @@ namespace patina {
 namespace {
 
 constexpr double kInk = 0.04, kPaper = 0.82;  ///< albedos of a print
-constexpr double kBoardShare = 0.5;           ///< of the picture's width that a held board fills
+constexpr double kBoardShare = 0.6;           ///< of the picture's width that a held board fills
 constexpr double kNear = 0.62;                ///< of the way to the table at which it is held
 constexpr double kLampFill = 36;              ///< of the sensor that paper under the lamp fills in a second
 

@@ -6,7 +6,7 @@
 #include "app/window/rig/screen_response_step.h"
 #include "app/window/rig/white_paper_step.h"
 #include "engine/acquire/rig_assembly.h"
-#include "tests/ui/rig_fixture.h"
+#include "tests/guide/rig_fixture.h"
 
 namespace patina::test {
 namespace {
@@ -49,7 +49,7 @@ TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
     const std::size_t before = step->views().size();
     click("hand-board");
     ASSERT_TRUE(until([&] { return step->views().size() > before; }, 20000))
-        << "view " << view << ": " << step->said().toStdString();
+        << "view " << view << ": " << panel_->findChild<QLabel*>("board-seen")->text().toStdString() ;
     if (view == 5) keepPictures("rig_checkerboard");
   }
   ASSERT_TRUE(
@@ -91,7 +91,7 @@ TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {
   ASSERT_TRUE(until([&] {
     return step->sighting() && step->sighting()->found.size() == 2 && step->sighting()->found[0].found &&
            step->sighting()->found[1].found;
-  })) << "the boards are not seen";
+  }, 10000)) << "the boards are not seen" << panel_->grab().save("/tmp/calscratch/fail.png");
   keepPictures("rig_mirror");
   click("mirror-take");
   ASSERT_TRUE(idle());
@@ -109,7 +109,10 @@ TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {
 TEST_F(CalibrationSteps, GreysAndWhitePaperFindTheScreensLight) {
   start(deskWith(64, 480));
   CalibrationRecord pose;
-  pose.content = StoredScreenPose{rig_->camera(), rig_->setup().screen, {}, {}, 0, 0.1, 0.1};
+  StoredScreenPose placed;
+  placed.camera = rig_->camera();
+  placed.screen = rig_->setup().screen;
+  pose.content = placed;
   pose.residual = 0.1;
   pose.residualUnit = "px";
   pose.taken = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
