@@ -42,6 +42,13 @@ Result<PoseEstimate> poseFromMarkers(const Camera& lens, const PlacedBoard& mark
                                      const BoardView& view) {
   const Result<BoardPose> pose = poseOfBoard(lens, markers.board, view);
   if (!pose) return pose.error();
+  // Corners that were taken for others, where the sample splits the board: no pose explains them together.
+  constexpr double kMostPx = 2;
+  if (pose->rmsPx > kMostPx)
+    return Error{ErrorCode::NotFound,
+                 "the markers round the sample contradict each other: some are misread, or the board is not "
+                 "flat, or another one than was said",
+                 "", "come nearer, light them evenly, and check the side of their squares"};
   PoseEstimate estimate;
   // World to board: the board's turn and place undone, and the sample's surface is higher than the print.
   const Eigen::Matrix3d boardFromWorld =

@@ -14,7 +14,8 @@ namespace patina {
 std::unique_ptr<PoseSource> boardPoseSource(const Camera& lens, const PlacedBoard& markers,
                                             double sampleHeightMm = 0);
 
-/// The same from corners that were found already. Errors: as `poseOfBoard`.
+/// The same from corners that were found already. Errors: as `poseOfBoard`; NotFound
+/// where no pose explains the corners to 2 pixels.
 Result<PoseEstimate> poseFromMarkers(const Camera& lens, const PlacedBoard& markers, double sampleHeightMm,
                                      const BoardView& view);
 

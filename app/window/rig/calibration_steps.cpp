@@ -1,4 +1,5 @@
 // The guided calibration of a rig whose screen lights the sample, and the guided two-shot capture.
+#include "app/window/rig/camera_response_step.h"
 #include "app/window/rig/checkerboard_step.h"
 #include "app/window/rig/mirror_step.h"
 #include "app/window/rig/plan_step.h"
@@ -12,6 +13,7 @@
 namespace patina {
 
 void addFourierCalibrationSteps(GuidePanel& panel, RigController& rig) {
+  panel.addStep(new CameraResponseStep(rig));
   panel.addStep(new CheckerboardStep(rig));
   panel.addStep(new MirrorStep(rig));
   panel.addStep(new ScreenResponseStep(rig));
@@ -20,6 +22,7 @@ void addFourierCalibrationSteps(GuidePanel& panel, RigController& rig) {
 
 void addTwoShotSteps(GuidePanel& panel, RigController& rig) {
   auto* task = new TwoShotTask(rig, &panel);
+  panel.addStep(new CameraResponseStep(rig));
   panel.addStep(new CheckerboardStep(rig));
   panel.addStep(new WhiteTileStep(*task));
   panel.addStep(new PlanStep(*task));

@@ -139,13 +139,16 @@ void CheckerboardStep::enter() {
     // A board that this camera can hold in its picture before the table, coarse enough for few pixels.
     sized_ = true;
     Board board;
-    board.squaresX = 8, board.squaresY = 6;
+    constexpr int kManyPixels = 480;
+    if (rig().simulation()->camera().width >= kManyPixels)
+      board.squaresX = 11, board.squaresY = 8;
+    else
+      board.squaresX = 8, board.squaresY = 6;
     board.dictionary = "4x4_250";
     board.markerShare = 0.6;
     constexpr double kStepMm = 0.5;
     board.squareMm = std::max(
-        kStepMm,
-        std::floor(SimulatedHands(rig().simulation()).squareThatFits(board) / kStepMm) * kStepMm);
+        kStepMm, std::floor(SimulatedHands(rig().simulation()).squareThatFits(board) / kStepMm) * kStepMm);
     boards_->setBoard(board);
     watcher_.setBoards({{board, BoardSide::Direct}});
   }
@@ -340,7 +343,7 @@ void CheckerboardStep::keepResult() {
 }
 
 CalibrationStep::Rechecker CheckerboardStep::rechecker() const {
-  return [](const CalibrationRecord& record, const Photograph& photo) {
+  return [](const CalibrationRecord& record, const Photograph& photo, CameraDevice&, const JobContext&) {
     return recheckCamera(record, photo.image);
   };
 }

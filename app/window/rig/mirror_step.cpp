@@ -320,7 +320,7 @@ void MirrorStep::calibrate() {
 }
 
 CalibrationStep::Rechecker MirrorStep::rechecker() const {
-  return [](const CalibrationRecord& record, const Photograph& photo) {
+  return [](const CalibrationRecord& record, const Photograph& photo, CameraDevice&, const JobContext&) {
     return recheckScreenPose(record, photo.image);
   };
 }

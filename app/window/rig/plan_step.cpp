@@ -32,7 +32,7 @@ std::vector<PlannedShot> usualShots() {
 QString polarWords(const Eigen::Vector3d& direction) {
   return QStringLiteral("%1\u00b0 from the normal, azimuth %2\u00b0")
       .arg(std::acos(std::clamp(direction.z(), -1.0, 1.0)) / kDegree, 0, 'f', 1)
-      .arg(std::atan2(direction.y(), direction.x()) / kDegree, 0, 'f', 1);
+      .arg(std::round(10 * std::atan2(direction.y(), direction.x()) / kDegree) / 10 + 0.0, 0, 'f', 1);
 }
 
 QString capitalised(QString text) {
@@ -258,7 +258,7 @@ GuideStep::State PlanStep::state() const {
 
 QString PlanStep::note() const {
   if (state() != State::Done) return {};
-  return tr("%n shot(s)", nullptr, static_cast<int>(task_.shots().size()));
+  return tr("%1 shots").arg(task_.shots().size());
 }
 
 QString PlanStep::whyNot() const {

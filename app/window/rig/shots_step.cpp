@@ -248,8 +248,7 @@ GuideStep::State ShotsStep::state() const {
 
 QString ShotsStep::note() const {
   if (!session_) return {};
-  if (state() == State::Done)
-    return tr("%n shot(s)", nullptr, static_cast<int>(session_->setup().shots.size()));
+  if (state() == State::Done) return tr("%1 shots").arg(session_->setup().shots.size());
   return tr("shot %1 of %2").arg(shot_ + 1).arg(session_->setup().shots.size());
 }
 

@@ -22,7 +22,7 @@ constexpr double kLampASecond = 18;  ///< full scales, of the simulated lamp on 
 QString polarWords(const Eigen::Vector3d& direction) {
   return QObject::tr("%1\u00b0 from the normal, azimuth %2\u00b0")
       .arg(std::acos(std::clamp(direction.z(), -1.0, 1.0)) / kDegree, 0, 'f', 1)
-      .arg(std::atan2(direction.y(), direction.x()) / kDegree, 0, 'f', 1);
+      .arg(std::round(10 * std::atan2(direction.y(), direction.x()) / kDegree) / 10 + 0.0, 0, 'f', 1);
 }
 
 }  // namespace

@@ -214,7 +214,7 @@ void WhiteTileStep::measure() {
 }
 
 CalibrationStep::Rechecker WhiteTileStep::rechecker() const {
-  return [](const CalibrationRecord& record, const Photograph& photo) {
+  return [](const CalibrationRecord& record, const Photograph& photo, CameraDevice&, const JobContext&) {
     WhiteTileOptions options;
     options.region = std::get<StoredWhiteTile>(record.content).region;
     options.exposureS = photo.exposureS > 0 ? photo.exposureS : 1;
