@@ -1,6 +1,7 @@
 // The calibration steps one by one, each led by clicks on the simulated rig.
 #include <QDoubleSpinBox>
 
+#include "app/window/rig/camera_response_step.h"
 #include "app/window/rig/checkerboard_step.h"
 #include "app/window/rig/mirror_step.h"
 #include "app/window/rig/screen_response_step.h"
@@ -25,12 +26,12 @@ LiveRigSetup deskWith(int pixels, int screenPx) {
 class CalibrationSteps : public RigTest {
  protected:
   /// Writes the true lens as an earlier calibration.
-  void knowLens() {
+  void knowLens(const Board& board = Board::forCamera()) {
     CalibrationRecord record;
     Camera lens = rig_->camera();
     lens.cameraFromWorld.setIdentity();
     lens.translationMm.setZero();
-    record.content = StoredCamera{lens, {}, Board::forCamera(), 12};
+    record.content = StoredCamera{lens, IntrinsicVector::Zero(), board, 12};
     record.residual = 0.1;
     record.residualUnit = "px";
     record.taken = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
@@ -82,6 +83,75 @@ TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
     EXPECT_NEAR(found.intrinsics(axis, axis) / truth.intrinsics(axis, axis), 1, kIntrinsics);
     EXPECT_NEAR(found.intrinsics(axis, 2), truth.intrinsics(axis, 2), kIntrinsics * truth.intrinsics(0, 0));
   }
+}
+
+TEST_F(CalibrationSteps, AnEarlierLensIsUsedAgainOnlyWhereAPhotographAgrees) {
+  LiveRigSetup setup = deskWith(320, 320);
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 320;
+  start(setup);
+  Board board;
+  board.squaresX = 8, board.squaresY = 6;
+  board.dictionary = "4x4_250";
+  board.squareMm = 8;
+  knowLens(board);
+  auto* step = new CheckerboardStep(*controller_);
+  panel_->addStep(step);
+  panel_->show();
+  panel_->enter();
+  EXPECT_FALSE(step->canGoOn()) << "not before the recheck";
+  const auto hold = [&] {
+    controller_->run<Done>(
+        "hold",
+        [this, board](const JobContext&) -> Status {
+          SimulatedHands(rig_).holdBoard(board, 1);
+          return Done{};
+        },
+        [](Status) {});
+    return idle();
+  };
+  // Another zoom than the calibration's.
+  const Camera truth = rig_->camera();
+  Camera zoomed = truth;
+  zoomed.intrinsics(0, 0) *= 1.05;
+  rig_->moveCamera(zoomed);
+  ASSERT_TRUE(hold());
+  click("camera-reuse");
+  ASSERT_TRUE(idle());
+  EXPECT_EQ(step->state(), GuideStep::State::Failed);
+  EXPECT_TRUE(step->said().contains("calibrate the camera again")) << step->said().toStdString();
+  keepPictures("rig_recheck_failed");
+  rig_->moveCamera(truth);
+  ASSERT_TRUE(hold());
+  click("camera-reuse");
+  ASSERT_TRUE(idle());
+  EXPECT_EQ(step->state(), GuideStep::State::Reused) << step->said().toStdString();
+  EXPECT_TRUE(step->canGoOn());
+}
+
+TEST_F(CalibrationSteps, ALinearCamerasResponseIsStraightAndItsBlackIsFound) {
+  LiveRigSetup setup = deskWith(160, 320);
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 160;
+  setup.ambient = 0;
+  start(setup);
+  auto* step = new CameraResponseStep(*controller_);
+  panel_->addStep(step);
+  panel_->show();
+  panel_->enter();
+  EXPECT_TRUE(step->canGoOn()) << "a linear camera needs none";
+  click("hand-scene");
+  ASSERT_TRUE(idle());
+  click("response-bracket");
+  ASSERT_TRUE(idle());
+  ASSERT_NE(step->result(), nullptr) << step->said().toStdString();
+  click("hand-cover");
+  ASSERT_TRUE(idle());
+  click("response-dark");
+  ASSERT_TRUE(idle());
+  ASSERT_NE(step->dark(), nullptr) << step->said().toStdString();
+  // The rig's own pedestal, to a hundredth of a per cent of full scale.
+  EXPECT_NEAR(step->dark()->level.mean(), rig_->setup().pedestal, 1e-4);
+  EXPECT_EQ(step->state(), GuideStep::State::Done);
+  keepPictures("rig_response_done");
 }
 
 TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {

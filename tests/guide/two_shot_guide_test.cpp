@@ -21,7 +21,7 @@ namespace {
 constexpr double kIntrinsics = 1e-3, kIrradiance = 5e-3;
 
 constexpr double kRadiusMm = 20, kDistanceMm = 150;
-constexpr int kPixels = 560, kViews = 17;
+constexpr int kPixels = 720, kViews = 14;
 
 class TwoShotGuideTest : public GuideTest {
  protected:
@@ -37,7 +37,7 @@ class TwoShotGuideTest : public GuideTest {
     const Camera lens = setup.camera;
     setup.camera = lookingAtCentre(Eigen::Vector3d(0.1, -0.35, 1).normalized(), kDistanceMm);
     setup.camera.width = setup.camera.height = kPixels;
-    const double focal = 1.25 * kPixels, middle = 0.5 * (kPixels - 1);
+    const double focal = 1.5 * kPixels, middle = 0.5 * (kPixels - 1);
     setup.camera.intrinsics << focal, 0, middle + 2, 0, focal, middle - 3, 0, 0, 1;
     setup.camera.distortion = lens.distortion;
     open(setup);
