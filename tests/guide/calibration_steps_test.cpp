@@ -42,8 +42,8 @@ class CalibrationSteps : public RigTest {
 TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
   // A webcam's lens: one that sees a few degrees only leaves its principal point uncertain, whatever the
   // views.
-  LiveRigSetup setup = deskWith(320, 320);
-  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 320;
+  LiveRigSetup setup = deskWith(480, 320);
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 480;
   start(setup);
   auto* step = new CheckerboardStep(*controller_);
   panel_->addStep(step);
@@ -109,10 +109,10 @@ TEST_F(CalibrationSteps, AnEarlierLensIsUsedAgainOnlyWhereAPhotographAgrees) {
         [](Status) {});
     return idle();
   };
-  // Another zoom than the calibration's.
+  // An adapter that stretches the picture.
   const Camera truth = rig_->camera();
   Camera zoomed = truth;
-  zoomed.intrinsics(0, 0) *= 1.05;
+  zoomed.intrinsics(0, 0) *= 1.15;
   rig_->moveCamera(zoomed);
   ASSERT_TRUE(hold());
   click("camera-reuse");
