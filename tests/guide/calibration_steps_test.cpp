@@ -49,14 +49,15 @@ TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
   panel_->addStep(step);
   panel_->show();
   panel_->enter();
-  constexpr int kViews = 15;
-  for (int view = 0; view < kViews; ++view) {
+  constexpr std::size_t kViews = 14;
+  // A stand in which not all of the board is seen is left for the next one, as a person would.
+  for (int hold = 0; hold < 2 * static_cast<int>(kViews) && step->views().size() < kViews; ++hold) {
     const std::size_t before = step->views().size();
     click("hand-board");
-    ASSERT_TRUE(until([&] { return step->views().size() > before; }, 20000))
-        << "view " << view << ": " << panel_->findChild<QLabel*>("board-seen")->text().toStdString();
-    if (view == 5) keepPictures("rig_checkerboard");
+    until([&] { return step->views().size() > before; }, 3500);
+    if (hold == 5) keepPictures("rig_checkerboard");
   }
+  ASSERT_EQ(step->views().size(), kViews) << panel_->findChild<QLabel*>("board-seen")->text().toStdString();
   ASSERT_TRUE(
       until([&] { return step->result() && step->result()->views.size() == kViews && !step->solving(); }));
   EXPECT_FALSE(step->canGoOn());

@@ -138,14 +138,13 @@ void CheckerboardStep::enter() {
   if (rig().simulation() && !sized_) {
     // A board that this camera can hold in its picture before the table, coarse enough for few pixels.
     sized_ = true;
+    // Without markers: in few pixels they come so near to the corners that they draw them aside.
     Board board;
+    board.kind = BoardKind::Checkerboard;
     constexpr int kManyPixels = 480;
-    if (rig().simulation()->camera().width >= kManyPixels)
-      board.squaresX = 11, board.squaresY = 8;
-    else
-      board.squaresX = 8, board.squaresY = 6;
-    board.dictionary = "4x4_250";
-    board.markerShare = 0.6;
+    const bool many = rig().simulation()->camera().width >= kManyPixels;
+    board.squaresX = many ? 10 : 8;
+    board.squaresY = many ? 7 : 5;
     constexpr double kStepMm = 0.5;
     board.squareMm = std::max(
         kStepMm, std::floor(SimulatedHands(rig().simulation()).squareThatFits(board) / kStepMm) * kStepMm);

@@ -84,15 +84,6 @@ void SimulatedHands::holdBoard(const Board& board, int view) {
   const Camera camera = rig_->camera();
   LivePrint print = printOf(board);
   const double focal = camera.intrinsics(0, 0);
-  const double distance = std::min(focal * board.widthMm() / (kBoardShare * camera.width) * stand.nearer,
-                                   0.9 * camera.positionMm().norm());
-  // Its middle so that all of it stays in the picture.
-  const double roomX = std::max(0.0, 1 - focal * board.widthMm() * 1.08 / (distance * camera.width)),
-               roomY = std::max(0.0, 1 - focal * board.heightMm() * 1.08 / (distance * camera.height));
-  const double u = camera.intrinsics(0, 2) + std::clamp(stand.x, -0.5 * roomX, 0.5 * roomX) * camera.width;
-  const double v = camera.intrinsics(1, 2) + std::clamp(stand.y, -0.5 * roomY, 0.5 * roomY) * camera.height;
-  const Eigen::Vector3d along = camera.cameraFromWorld * camera.rayFromPixel({u, v});
-  const Eigen::Vector3d middle = along * (distance / along.z());
   const Eigen::Matrix3d facing = Eigen::Vector3d(1, -1, -1).asDiagonal();
   // Tilted about an axis in the picture so that the side `towardsDeg` comes nearer (0 right, 90 up).
   const double towards = stand.towardsDeg * kDegree;
@@ -101,7 +92,29 @@ void SimulatedHands::holdBoard(const Board& board, int view) {
       Eigen::AngleAxisd(stand.tiltDeg * kDegree, axis).toRotationMatrix() * facing *
       Eigen::AngleAxisd(stand.turnDeg * kDegree, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   print.worldFromPrint.linear() = camera.cameraFromWorld.transpose() * cameraFromBoard;
-  print.worldFromPrint.translation() = camera.cameraFromWorld.transpose() * (middle - camera.translationMm);
+  // As far from the picture's middle as the stand says, or as all of the board stays in the picture; and no
+  // nearer than that.
+  double distance = std::min(focal * board.widthMm() / (kBoardShare * camera.width) * stand.nearer,
+                             0.8 * camera.positionMm().norm());
+  const auto place = [&](double share) {
+    const Eigen::Vector2d pixel(camera.intrinsics(0, 2) + share * stand.x * camera.width,
+                                camera.intrinsics(1, 2) + share * stand.y * camera.height);
+    const Eigen::Vector3d along = camera.cameraFromWorld * camera.rayFromPixel(pixel);
+    print.worldFromPrint.translation() =
+        camera.cameraFromWorld.transpose() * (along * (distance / along.z()) - camera.translationMm);
+    for (const double x : {-0.5, 0.5})
+      for (const double y : {-0.5, 0.5}) {
+        const auto at = camera.pixelFromWorld(print.worldFromPrint *
+                                              Eigen::Vector3d(x * print.widthMm, y * print.heightMm, 0));
+        if (!at || at->x() < 1 || at->y() < 1 || at->x() > camera.width - 2 || at->y() > camera.height - 2)
+          return false;
+      }
+    return true;
+  };
+  constexpr int kTries = 12;
+  bool inside = false;
+  for (int farther = 0; farther < kTries && !inside; ++farther, distance *= 1.06)
+    for (double share = 1; share >= 0 && !inside; share -= 0.05) inside = place(share);
   rig_->put(OnTable::Nothing);
   // Light from behind the camera.
   rig_->light(lampAlong(*rig_, camera.cameraFromWorld.transpose() * Eigen::Vector3d(0.1, -0.2, -1)));
