@@ -24,7 +24,7 @@ using testing::HasSubstr;
 class FourierGuide : public GuideTest {
  protected:
   void begin() {
-    LiveRigSetup setup = LiveRig::desk("laminate", 28, 640);
+    LiveRigSetup setup = LiveRig::desk("laminate", 28, 960);
     setup.noise = {2e-5, 2e-4};
     open(setup);
     openShortGuide();
@@ -223,7 +223,7 @@ TEST_F(FourierGuide, TheRulersBarsTellTheScreensSize) {
   across->selectAll();
   QTest::keyClicks(across, QStringLiteral("240"));
   QTest::keyClick(across, Qt::Key_Return);
-  // The bar is 512 of 640 pixels long.
+  // The bar is 768 of 960 pixels long.
   EXPECT_NEAR(rigController().screen()->widthMm, 300, 1e-6);
   click(find<QPushButton>("measureLatency"));
   ASSERT_TRUE(until([&] { return rigController().latency().has_value() || window_->banner()->isVisible(); }));

@@ -29,7 +29,7 @@ constexpr double kIntrinsics = 1e-3;
 constexpr double kScreenDeg = 0.2, kScreenMm = 0.5;
 constexpr double kEmission = 0.01;
 constexpr double kMapsWorse = 1.10;  ///< errors of the maps over those with the true calibration
-constexpr int kViews = 12;
+constexpr int kViews = 12, kStands = 20;
 
 struct Medians {
   double diffuse = 0, normalDeg = 0, sigma = 0;
@@ -108,8 +108,9 @@ class WholeRig : public GuideTest {
 };
 
 TEST_F(WholeRig, LeadsThroughCalibrationCaptureFitAndExplain) {
-  constexpr int kPixels = 240;
-  LiveRigSetup setup = LiveRig::desk("cardstock", kPixels, 640);
+  constexpr int kPixels = 480;
+  LiveRigSetup setup = LiveRig::desk("cardstock", kPixels, 960);
+  setup.fullScaleSecond = 0.02;
   open(setup);
   if (HasFatalFailure()) return;
   click(find<QPushButton>("emptyCapture"));
@@ -123,14 +124,16 @@ TEST_F(WholeRig, LeadsThroughCalibrationCaptureFitAndExplain) {
   auto& board = step<CheckerboardStep>("Checkerboard");
   ASSERT_EQ(panel.steps()[static_cast<std::size_t>(panel.current())], &board);
   expectHeldHere();
-  for (int view = 0; view < kViews; ++view) {
+  // Where the board can't be read (its markers a few pixels large) the operator holds it elsewhere.
+  for (int stand = 0; stand < kStands && static_cast<int>(board.views().size()) < kViews; ++stand) {
     const std::size_t before = board.views().size();
     click(find<QPushButton>("hand-board"));
-    ASSERT_TRUE(until([&] { return board.views().size() > before; }, 60000))
-        << "view " << view << ": " << board.said().toStdString();
+    until([&] { return board.views().size() > before; }, 5000);
   }
-  ASSERT_TRUE(
-      until([&] { return board.result() && board.result()->views.size() == kViews && !board.solving(); }));
+  ASSERT_GE(static_cast<int>(board.views().size()), kViews) << board.said().toStdString();
+  ASSERT_TRUE(until([&] {
+    return board.result() && board.result()->views.size() == board.views().size() && !board.solving();
+  }));
   expectHeldHere();
   click(find<QPushButton>("board-keep"));
   pictures("guide_checkerboard");
@@ -191,6 +194,12 @@ TEST_F(WholeRig, LeadsThroughCalibrationCaptureFitAndExplain) {
   expectHeldHere();
   pictures("guide_capture_ready");
   capture.setFolder(temporary() / "bundle");
+  CapturePlanOptions plan;  // some of the paper's frequencies: enough for both lobes
+  plan.fitted.clear();
+  for (const int w : {1, 2, 4, 8, 16})
+    for (const Eigen::Vector2i& f : {Eigen::Vector2i(w, 0), Eigen::Vector2i(0, w)}) plan.fitted.push_back(f);
+  plan.heldOut = {{3, 3}};
+  capture.setPlan(plan);
   click(find<QPushButton>("captureStart"));
   ASSERT_TRUE(
       until([&] { return capture.panel()->strip()->currentRow() >= 20 || !capture.running(); }, 240000));
