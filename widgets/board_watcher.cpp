@@ -50,7 +50,7 @@ void BoardWatcher::work(const std::stop_token& stop) {
       BoardDetectionOptions options;
       options.side = wanted.side;
       // A live picture: rather the next frame than one more attempt at this one.
-      options.timeLimit = std::chrono::milliseconds(150);
+      options.timeLimit = std::chrono::milliseconds(300);
       sighting->found.push_back(detectBoard(sighting->frame->linear, wanted.board, options, stop));
     }
     QMetaObject::invokeMethod(

@@ -59,7 +59,7 @@ class BoardWatcher : public QObject {
 class StillnessJudge {
  public:
   /// So many sightings in a row whose corners moved by less than `mostPx` from the first of them on.
-  explicit StillnessJudge(int sightings = 3, double mostPx = 0.35) : needed_(sightings), mostPx_(mostPx) {}
+  explicit StillnessJudge(int sightings = 5, double mostPx = 0.35) : needed_(sightings), mostPx_(mostPx) {}
   /// Takes a view in; true where it stands still with it.
   bool add(const BoardView& view);
   void reset() { run_.clear(); }

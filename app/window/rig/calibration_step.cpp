@@ -392,7 +392,7 @@ void CalibrationStep::reuse() {
       [camera, check, record = *record](const JobContext& job) -> Result<Recheck> {
         const Result<Photograph> photo = takePhotograph(*camera, {}, job);
         if (!photo) return photo.error();
-        return check(record, *photo);
+        return check(record, *photo, *camera, job);
       },
       [this, take](Recheck recheck) {
         const QString sentence = capitalised(QString::fromStdString(recheck.sentence)) + QLatin1Char('.');

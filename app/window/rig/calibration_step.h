@@ -56,7 +56,8 @@ class CalibrationStep : public GuideStep {
   virtual bool setsExposure() const { return true; }
   /// Judges an earlier one by a fresh photograph; on a worker thread. Empty function: one photograph can't
   /// tell, and it is used with that said.
-  using Rechecker = std::function<Result<Recheck>(const CalibrationRecord&, const Photograph&)>;
+  using Rechecker = std::function<Result<Recheck>(const CalibrationRecord&, const Photograph&, CameraDevice&,
+                                                  const JobContext&)>;
   virtual Rechecker rechecker() const { return {}; }
   /// What a recheck needs on the screen or the table first; empty: nothing.
   virtual QString recheckHint() const { return {}; }

@@ -103,8 +103,7 @@ Status CalibrationStore::restore(const fs::path& earlier) const {
 
 std::string recordInWords(const CalibrationRecord& record, std::chrono::system_clock::time_point now) {
   char residual[48];
-  std::snprintf(residual, sizeof residual, "%.*f %s", record.residualUnit == "px" ? 2 : 1, record.residual,
-                record.residualUnit.c_str());
+  std::snprintf(residual, sizeof residual, "%.2f %s", record.residual, record.residualUnit.c_str());
   std::string words = std::string(residual) + ", " + ageInWords(record.taken, now);
   if (!record.device.empty()) words += ", " + record.device;
   return words;

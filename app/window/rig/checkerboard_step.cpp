@@ -136,9 +136,16 @@ QWidget* CheckerboardStep::belowPicture(QWidget* parent) {
 void CheckerboardStep::enter() {
   CalibrationStep::enter();
   if (rig().simulation() && !sized_) {
-    // A board that this camera can hold in its picture before the table.
+    // A board that this camera can hold in its picture before the table, coarse enough for few pixels.
     sized_ = true;
-    Board board = boards_->board();
+    Board board;
+    constexpr int kManyPixels = 480;
+    if (rig().simulation()->camera().width >= kManyPixels)
+      board.squaresX = 11, board.squaresY = 8;
+    else
+      board.squaresX = 8, board.squaresY = 6;
+    board.dictionary = "4x4_250";
+    board.markerShare = 0.6;
     constexpr double kStepMm = 0.5;
     board.squareMm = std::max(
         kStepMm, std::floor(SimulatedHands(rig().simulation()).squareThatFits(board) / kStepMm) * kStepMm);
@@ -336,7 +343,7 @@ void CheckerboardStep::keepResult() {
 }
 
 CalibrationStep::Rechecker CheckerboardStep::rechecker() const {
-  return [](const CalibrationRecord& record, const Photograph& photo) {
+  return [](const CalibrationRecord& record, const Photograph& photo, CameraDevice&, const JobContext&) {
     return recheckCamera(record, photo.image);
   };
 }

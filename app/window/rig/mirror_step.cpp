@@ -49,7 +49,7 @@ Result<ScreenBoard> screenBoardFor(const ScreenInfo& info) {
   Board board;
   board.squaresX = kSquaresX, board.squaresY = kSquaresY;
   board.squareMm = square * screen.widthMm / std::max(1, screen.widthPx);
-  board.markerShare = 0.75;
+  board.markerShare = 0.6;
   board.dictionary = "4x4_250";
   board.firstMarker = 128;
   const Result<Image> drawn = drawBoardPixels(board, square, 0);
@@ -179,7 +179,7 @@ void MirrorStep::enter() {
     Board board = Board::forSamplePlane();
     board.squareMm = std::max(1.0, std::floor(0.55 * sheet.widthMm / board.squaresX));
     board.dictionary = "4x4_250";
-    board.markerShare = 0.75;
+    board.markerShare = 0.6;
     board.firstMarker = 0;
     setMarkers({board, {0, -std::floor(0.5 * sheet.heightMm - 0.65 * board.heightMm())}, 0});
   }
@@ -320,7 +320,7 @@ void MirrorStep::calibrate() {
 }
 
 CalibrationStep::Rechecker MirrorStep::rechecker() const {
-  return [](const CalibrationRecord& record, const Photograph& photo) {
+  return [](const CalibrationRecord& record, const Photograph& photo, CameraDevice&, const JobContext&) {
     return recheckScreenPose(record, photo.image);
   };
 }

@@ -187,6 +187,11 @@ Result<std::shared_ptr<PatternDisplay>> RigController::display() {
   if (display_) return display_;
   if (!screen_)
     return Error{ErrorCode::Refused, "no screen is chosen", "", "choose the screen that lights the sample"};
+  if (screen_->id == kSimulatedScreen && simulation_) {
+    display_ = simulation_->openDisplay();
+    if (latency_) display_->setLatency(*latency_);
+    return display_;
+  }
   Result<std::shared_ptr<PatternDisplay>> opened =
       services_.openDisplay(screen_->id, simulation_.get(), [this](const Error& error) {
         display_.reset();

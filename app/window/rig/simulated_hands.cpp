@@ -13,7 +13,7 @@ namespace patina {
 namespace {
 
 constexpr double kInk = 0.04, kPaper = 0.82;  ///< albedos of a print
-constexpr double kBoardShare = 0.5;           ///< of the picture's width that a held board fills
+constexpr double kBoardShare = 0.6;           ///< of the picture's width that a held board fills
 constexpr double kNear = 0.62;                ///< of the way to the table at which it is held
 constexpr double kLampFill = 36;              ///< of the sensor that paper under the lamp fills in a second
 
@@ -72,12 +72,12 @@ void SimulatedHands::holdBoard(const Board& board, int view) {
   };
   // Over the whole picture, tilted to all sides, nearer and farther.
   static constexpr Stand kStands[] = {
-      {0.00, 0.00, 1.00, 0, 0, 0},       {-0.42, -0.38, 1.10, 28, 0, 2},    {0.42, -0.38, 1.05, 30, 90, -3},
-      {0.42, 0.38, 1.10, 30, 180, 4},    {-0.42, 0.38, 1.05, 30, 270, -2},  {0.00, -0.44, 1.20, 38, 45, 5},
-      {0.00, 0.44, 1.20, 38, 225, -5},   {-0.46, 0.00, 1.15, 36, 135, 8},   {0.46, 0.00, 1.15, 36, 315, -8},
-      {-0.20, 0.15, 0.95, 42, 20, 12},   {0.22, -0.12, 0.95, 42, 200, -12}, {0.12, 0.20, 0.90, 40, 110, 3},
-      {-0.15, -0.20, 0.90, 40, 290, -3}, {0.40, 0.42, 1.30, 15, 60, 15},    {-0.40, -0.42, 1.30, 15, 240, 0},
-      {0.40, -0.42, 1.30, 20, 330, -15}, {-0.40, 0.42, 1.30, 20, 150, 7},
+      {0.00, 0.00, 1.00, 4, 0, 0},       {-0.42, -0.38, 1.10, 30, 0, 2},    {0.42, -0.38, 1.05, 40, 90, -3},
+      {0.42, 0.38, 1.10, 42, 180, 4},    {-0.42, 0.38, 1.05, 42, 270, -2},  {0.00, -0.44, 1.20, 46, 45, 5},
+      {0.00, 0.44, 1.20, 46, 225, -5},   {-0.46, 0.00, 1.15, 46, 135, 8},   {0.46, 0.00, 1.15, 46, 315, -8},
+      {-0.20, 0.15, 0.95, 48, 20, 12},   {0.22, -0.12, 0.95, 48, 200, -12}, {0.12, 0.20, 0.90, 46, 110, 3},
+      {-0.15, -0.20, 0.90, 46, 290, -3}, {0.40, 0.42, 1.30, 30, 60, 90},    {-0.40, -0.42, 1.30, 30, 240, 90},
+      {0.40, -0.42, 1.30, 25, 330, -15}, {-0.40, 0.42, 1.30, 25, 150, 7},
   };
   constexpr double kDegree = std::numbers::pi / 180;
   const Stand& stand = kStands[static_cast<std::size_t>(view) % std::size(kStands)];

@@ -13,7 +13,10 @@ namespace patina {
 
 namespace {
 
-const QString kAlbedo = QStringLiteral("rig/paper_albedo"), kSample = QStringLiteral("rig/sample_mm");
+const QString kAlbedo = QStringLiteral("rig/paper_albedo");
+// As the checklist keeps them.
+const QString kWidth = QStringLiteral("rig/sample_width_mm"),
+              kHeight = QStringLiteral("rig/sample_height_mm");
 
 /// Few and low: paper answers to nothing finer.
 CapturePlanOptions paperPlan() {
@@ -59,8 +62,7 @@ void WhitePaperStep::buildControls(QVBoxLayout* column, QWidget* parent) {
     box->setSuffix(suffix);
     return box;
   };
-  const QStringList sample = rig().settings().text(kSample).split(QLatin1Char('x'));
-  double width = sample.value(0).toDouble(), height = sample.value(1).toDouble();
+  double width = rig().settings().text(kWidth).toDouble(), height = rig().settings().text(kHeight).toDouble();
   if (rig().simulation()) {
     width = rig().simulation()->setup().sheet.widthMm;
     height = rig().simulation()->setup().sheet.heightMm;
@@ -116,7 +118,8 @@ void WhitePaperStep::capture() {
   description->screen.emission.reset();
   const auto display = rig().display();
   if (!display) return say(sentencesOf(display.error()), Tone::Problem);
-  rig().settings().set(kSample, QStringLiteral("%1x%2").arg(width_->value()).arg(height_->value()));
+  rig().settings().set(kWidth, width_->value());
+  rig().settings().set(kHeight, height_->value());
   rig().settings().set(
       kAlbedo,
       QStringLiteral("%1,%2,%3").arg(albedo_[0]->value()).arg(albedo_[1]->value()).arg(albedo_[2]->value()));

@@ -1,12 +1,13 @@
 // The calibration steps one by one, each led by clicks on the simulated rig.
 #include <QDoubleSpinBox>
 
+#include "app/window/rig/camera_response_step.h"
 #include "app/window/rig/checkerboard_step.h"
 #include "app/window/rig/mirror_step.h"
 #include "app/window/rig/screen_response_step.h"
 #include "app/window/rig/white_paper_step.h"
 #include "engine/acquire/rig_assembly.h"
-#include "tests/ui/rig_fixture.h"
+#include "tests/guide/rig_fixture.h"
 
 namespace patina::test {
 namespace {
@@ -25,12 +26,12 @@ LiveRigSetup deskWith(int pixels, int screenPx) {
 class CalibrationSteps : public RigTest {
  protected:
   /// Writes the true lens as an earlier calibration.
-  void knowLens() {
+  void knowLens(const Board& board = Board::forCamera()) {
     CalibrationRecord record;
     Camera lens = rig_->camera();
     lens.cameraFromWorld.setIdentity();
     lens.translationMm.setZero();
-    record.content = StoredCamera{lens, {}, Board::forCamera(), 12};
+    record.content = StoredCamera{lens, IntrinsicVector::Zero(), board, 12};
     record.residual = 0.1;
     record.residualUnit = "px";
     record.taken = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
@@ -39,17 +40,21 @@ class CalibrationSteps : public RigTest {
 };
 
 TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
-  start(deskWith(320, 320));
+  // A webcam's lens: one that sees a few degrees only leaves its principal point uncertain, whatever the
+  // views.
+  LiveRigSetup setup = deskWith(480, 320);
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 480;
+  start(setup);
   auto* step = new CheckerboardStep(*controller_);
   panel_->addStep(step);
   panel_->show();
   panel_->enter();
-  constexpr int kViews = 12;
+  constexpr int kViews = 15;
   for (int view = 0; view < kViews; ++view) {
     const std::size_t before = step->views().size();
     click("hand-board");
     ASSERT_TRUE(until([&] { return step->views().size() > before; }, 20000))
-        << "view " << view << ": " << step->said().toStdString();
+        << "view " << view << ": " << panel_->findChild<QLabel*>("board-seen")->text().toStdString();
     if (view == 5) keepPictures("rig_checkerboard");
   }
   ASSERT_TRUE(
@@ -80,6 +85,75 @@ TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
   }
 }
 
+TEST_F(CalibrationSteps, AnEarlierLensIsUsedAgainOnlyWhereAPhotographAgrees) {
+  LiveRigSetup setup = deskWith(320, 320);
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 320;
+  start(setup);
+  Board board;
+  board.squaresX = 8, board.squaresY = 6;
+  board.dictionary = "4x4_250";
+  board.squareMm = 8;
+  knowLens(board);
+  auto* step = new CheckerboardStep(*controller_);
+  panel_->addStep(step);
+  panel_->show();
+  panel_->enter();
+  EXPECT_FALSE(step->canGoOn()) << "not before the recheck";
+  const auto hold = [&] {
+    controller_->run<Done>(
+        "hold",
+        [this, board](const JobContext&) -> Status {
+          SimulatedHands(rig_).holdBoard(board, 1);
+          return Done{};
+        },
+        [](Status) {});
+    return idle();
+  };
+  // An adapter that stretches the picture.
+  const Camera truth = rig_->camera();
+  Camera zoomed = truth;
+  zoomed.intrinsics(0, 0) *= 1.15;
+  rig_->moveCamera(zoomed);
+  ASSERT_TRUE(hold());
+  click("camera-reuse");
+  ASSERT_TRUE(idle());
+  EXPECT_EQ(step->state(), GuideStep::State::Failed);
+  EXPECT_TRUE(step->said().contains("calibrate the camera again")) << step->said().toStdString();
+  keepPictures("rig_recheck_failed");
+  rig_->moveCamera(truth);
+  ASSERT_TRUE(hold());
+  click("camera-reuse");
+  ASSERT_TRUE(idle());
+  EXPECT_EQ(step->state(), GuideStep::State::Reused) << step->said().toStdString();
+  EXPECT_TRUE(step->canGoOn());
+}
+
+TEST_F(CalibrationSteps, ALinearCamerasResponseIsStraightAndItsBlackIsFound) {
+  LiveRigSetup setup = deskWith(160, 320);
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * 160;
+  setup.ambient = 0;
+  start(setup);
+  auto* step = new CameraResponseStep(*controller_);
+  panel_->addStep(step);
+  panel_->show();
+  panel_->enter();
+  EXPECT_TRUE(step->canGoOn()) << "a linear camera needs none";
+  click("hand-scene");
+  ASSERT_TRUE(idle());
+  click("response-bracket");
+  ASSERT_TRUE(idle());
+  ASSERT_NE(step->result(), nullptr) << step->said().toStdString();
+  click("hand-cover");
+  ASSERT_TRUE(idle());
+  click("response-dark");
+  ASSERT_TRUE(idle());
+  ASSERT_NE(step->dark(), nullptr) << step->said().toStdString();
+  // The rig's own pedestal, to a hundredth of a per cent of full scale.
+  EXPECT_NEAR(step->dark()->level.mean(), rig_->setup().pedestal, 1e-4);
+  EXPECT_EQ(step->state(), GuideStep::State::Done);
+  keepPictures("rig_response_done");
+}
+
 TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {
   start(deskWith(480, 960));
   knowLens();
@@ -88,10 +162,13 @@ TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {
   panel_->show();
   panel_->enter();
   click("hand-mirror");
-  ASSERT_TRUE(until([&] {
-    return step->sighting() && step->sighting()->found.size() == 2 && step->sighting()->found[0].found &&
-           step->sighting()->found[1].found;
-  })) << "the boards are not seen";
+  ASSERT_TRUE(until(
+      [&] {
+        return step->sighting() && step->sighting()->found.size() == 2 && step->sighting()->found[0].found &&
+               step->sighting()->found[1].found;
+      },
+      10000))
+      << "the boards are not seen" << panel_->grab().save("/tmp/calscratch/fail.png");
   keepPictures("rig_mirror");
   click("mirror-take");
   ASSERT_TRUE(idle());
@@ -109,7 +186,10 @@ TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {
 TEST_F(CalibrationSteps, GreysAndWhitePaperFindTheScreensLight) {
   start(deskWith(64, 480));
   CalibrationRecord pose;
-  pose.content = StoredScreenPose{rig_->camera(), rig_->setup().screen, {}, {}, 0, 0.1, 0.1};
+  StoredScreenPose placed;
+  placed.camera = rig_->camera();
+  placed.screen = rig_->setup().screen;
+  pose.content = placed;
   pose.residual = 0.1;
   pose.residualUnit = "px";
   pose.taken = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
