@@ -7,6 +7,7 @@
 #include <QPushButton>
 #include <QScrollArea>
 #include <QSlider>
+#include <QStyle>
 
 #include "widgets/theme.h"
 
@@ -211,7 +212,8 @@ void CameraPanel::refreshUse() {
   use_->setEnabled(item != nullptr);
   use_->setText(same ? tr("Open It Again") : tr("Use This Camera"));
   use_->setProperty("primary", item && !same);
-  use_->setStyleSheet(use_->styleSheet());  // has the property looked at again
+  use_->style()->unpolish(use_);  // has the property looked at again
+  use_->style()->polish(use_);
 }
 
 void CameraPanel::setFormats(const std::vector<FrameFormat>& formats, const FrameFormat& current) {

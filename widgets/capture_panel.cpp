@@ -3,6 +3,7 @@
 #include <QListWidget>
 #include <QProgressBar>
 #include <QPushButton>
+#include <QStyle>
 
 #include "widgets/theme.h"
 
@@ -186,7 +187,8 @@ void CapturePanel::refreshButtons() {
   start_->setEnabled(reason.isEmpty());
   start_->setToolTip(reason.isEmpty() ? tr("The screen shows the patterns one after another") : reason);
   start_->setProperty("primary", reason.isEmpty());
-  start_->setStyleSheet(start_->styleSheet());  // has the property looked at again
+  start_->style()->unpolish(start_);  // has the property looked at again
+  start_->style()->polish(start_);
   pause_->setEnabled(running);
   pause_->setText(mode_ == Mode::Paused ? tr("Resume") : tr("Pause"));
   pause_->setToolTip(running ? tr("Hold before the next photograph") : tr("Not now: nothing runs."));

@@ -3,6 +3,7 @@
 #include <QGridLayout>
 #include <QPushButton>
 #include <QScrollArea>
+#include <QStyle>
 
 #include "widgets/theme.h"
 
@@ -123,7 +124,8 @@ void ChecklistPanel::setMayCheck(bool possible, const QString& whyNot) {
   check_->setEnabled(possible);
   check_->setToolTip(possible ? tr("Takes some seconds; the screen shows test pictures") : whyNot);
   check_->setProperty("primary", possible && !checked_);
-  check_->setStyleSheet(check_->styleSheet());  // has the property looked at again
+  check_->style()->unpolish(check_);  // has the property looked at again
+  check_->style()->polish(check_);
 }
 
 QString ChecklistPanel::lineText(int line) const {

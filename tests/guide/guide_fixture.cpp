@@ -4,13 +4,29 @@
 #include <QListWidget>
 
 #include "app/window/rig/pattern_window.h"
+#include "app/window/rig/rig_steps.h"
 #include "engine/calibration/calibration_file.h"
 #include "widgets/error_banner.h"
 
 namespace patina::test {
 
 GuideTest::GuideTest() = default;
-GuideTest::~GuideTest() = default;
+GuideTest::~GuideTest() {
+  if (window_) rigController().shutDown();
+}
+
+void GuideTest::openShortGuide() {
+  writeTrueCalibrations();
+  RigController& rig = rigController();
+  short_ = std::make_unique<GuidePanel>(QStringLiteral("Short"));
+  addDeviceSteps(*short_, rig, true);
+  addFourierCaptureSteps(*short_, rig);
+  QObject::connect(short_.get(), &GuidePanel::finished, &rig,
+                   [&rig] { Q_EMIT rig.bundleReady(rig.finishedBundle()); });
+  short_->resize(1280, 660);
+  short_->show();
+  short_->enter();
+}
 
 void GuideTest::open(const LiveRigSetup& setup, const QSize& size) {
   auto made = LiveRig::create(setup);

@@ -31,15 +31,19 @@ class GuideTest : public testing::Test {
     return QTest::qWaitFor(condition, milliseconds);
   }
   RigController& rigController() { return *window_->captureGuides()->rig(); }
+  /// The window's own, or the shorter one that a test made.
   GuidePanel& guide(CaptureGuides::Kind kind = CaptureGuides::Kind::Fourier) {
-    return *window_->captureGuides()->panel(kind);
+    return short_ ? *short_ : *window_->captureGuides()->panel(kind);
   }
+  /// A guide without the steps that calibrate: what they would have made is there.
+  void openShortGuide();
   /// The step of that title; the test fails where there is none.
   static int stepOf(GuidePanel& panel, const QString& title);
   /// A child by its object's name, which must be there.
   template <typename Widget>
   Widget* find(const char* name) {
-    auto* found = window_->findChild<Widget*>(QString::fromLatin1(name));
+    auto* found = (short_ ? static_cast<QWidget*>(short_.get()) : window_.get())
+                      ->findChild<Widget*>(QString::fromLatin1(name));
     EXPECT_NE(found, nullptr) << name;
     return found;
   }
@@ -55,6 +59,7 @@ class GuideTest : public testing::Test {
   QTemporaryDir temporary_;
   std::shared_ptr<LiveRig> rig_;
   std::unique_ptr<MainWindow> window_;
+  std::unique_ptr<GuidePanel> short_;  ///< goes before the window and its controller
 };
 
 }  // namespace patina::test

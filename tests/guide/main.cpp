@@ -19,7 +19,7 @@ int main(int argc, char** argv) {
   screens.write(
       R"({"screens": [
  {"name": "laptop", "x": 0, "y": 0, "width": 1920, "height": 1080, "logicalDpi": 96, "logicalBaseDpi": 96, "dpr": 1},
- {"name": "monitor", "x": 1920, "y": 0, "width": 640, "height": 360, "logicalDpi": 96, "logicalBaseDpi": 96, "dpr": 1}]})");
+ {"name": "monitor", "x": 1920, "y": 0, "width": 960, "height": 540, "logicalDpi": 96, "logicalBaseDpi": 96, "dpr": 1}]})");
   screens.close();
   qputenv("QT_QPA_PLATFORM", "offscreen:configfile=" + screens.fileName().toUtf8());
   QStandardPaths::setTestModeEnabled(true);  // nothing of the person who runs the tests is read or written

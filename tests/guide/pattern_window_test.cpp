@@ -60,8 +60,8 @@ TEST(PatternWindow, ListsEveryScreenInItsOwnPixels) {
   ASSERT_EQ(screens.size(), 2u);
   EXPECT_EQ(screens[0].id, "laptop");
   EXPECT_EQ(screens[1].id, "monitor");
-  EXPECT_EQ(screens[1].widthPx, 640);
-  EXPECT_EQ(screens[1].heightPx, 360);
+  EXPECT_EQ(screens[1].widthPx, 960);
+  EXPECT_EQ(screens[1].heightPx, 540);
 }
 
 TEST(PatternWindow, DrawsPixelForPixelOnTheScreenThatWasChosen) {
@@ -69,7 +69,7 @@ TEST(PatternWindow, DrawsPixelForPixelOnTheScreenThatWasChosen) {
   auto display = openPatternWindow("monitor", &watcher, {});
   ASSERT_TRUE(display.ok()) << display.error().sentence();
   (*display)->setLatency(std::chrono::milliseconds(30));
-  const ShownPicture picture = busyPicture(640, 360);
+  const ShownPicture picture = busyPicture(960, 540);
   const RigTime before = std::chrono::steady_clock::now();
   const Result<OnGlass> shown = showFromAJob(**display, picture);
   ASSERT_TRUE(shown.ok()) << shown.error().sentence();
@@ -82,14 +82,14 @@ TEST(PatternWindow, DrawsPixelForPixelOnTheScreenThatWasChosen) {
 
   QWindow* window = patternWindow();
   ASSERT_NE(window, nullptr);
-  EXPECT_EQ(window->geometry(), QRect(1920, 0, 640, 360));
+  EXPECT_EQ(window->geometry(), QRect(1920, 0, 960, 540));
   EXPECT_EQ(window->cursor().shape(), Qt::BlankCursor);
   const QImage seen = window->screen()->grabWindow(window->winId()).toImage();
-  ASSERT_EQ(seen.size(), QSize(640, 360));
+  ASSERT_EQ(seen.size(), QSize(960, 540));
   int wrong = 0;
-  for (int y = 0; y < 360; ++y)
-    for (int x = 0; x < 640; ++x) {
-      const int value = (*picture.pixels)[static_cast<std::size_t>(y) * 640 + static_cast<std::size_t>(x)];
+  for (int y = 0; y < 540; ++y)
+    for (int x = 0; x < 960; ++x) {
+      const int value = (*picture.pixels)[static_cast<std::size_t>(y) * 960 + static_cast<std::size_t>(x)];
       wrong += seen.pixel(x, y) != qRgb(value, value, value) ? 1 : 0;
     }
   EXPECT_EQ(wrong, 0);
@@ -102,12 +102,12 @@ TEST(PatternWindow, EscLeavesAndWhatShowsIsRefused) {
   auto display = openPatternWindow("monitor", nullptr, [&](const Error& error) { left = error; });
   ASSERT_TRUE(display.ok());
   (*display)->setLatency(std::chrono::milliseconds(0));
-  ASSERT_TRUE(showFromAJob(**display, busyPicture(640, 360)).ok());
+  ASSERT_TRUE(showFromAJob(**display, busyPicture(960, 540)).ok());
   QTest::keyClick(patternWindow(), Qt::Key_Escape);
   EXPECT_EQ(patternWindow(), nullptr);
   ASSERT_TRUE(left.has_value());
   EXPECT_EQ(left->code, ErrorCode::Refused);
-  const Result<OnGlass> shown = showFromAJob(**display, busyPicture(640, 360));
+  const Result<OnGlass> shown = showFromAJob(**display, busyPicture(960, 540));
   ASSERT_FALSE(shown.ok());
   EXPECT_EQ(shown.error().code, ErrorCode::Refused);
   EXPECT_THAT(shown.error().sentence(), testing::HasSubstr("Esc"));
@@ -122,7 +122,7 @@ TEST(PatternWindow, RefusesOtherSizesAndStopsWaiting) {
   (*display)->setLatency(std::chrono::seconds(20));
   std::stop_source stop;
   auto shown = std::async(std::launch::async,
-                          [&] { return (*display)->show(busyPicture(640, 360), stop.get_token()); });
+                          [&] { return (*display)->show(busyPicture(960, 540), stop.get_token()); });
   QTest::qWait(100);
   stop.request_stop();
   ASSERT_EQ(shown.wait_for(std::chrono::seconds(2)), std::future_status::ready);
@@ -144,11 +144,11 @@ TEST(ScreenNumbers, EveryScreenShowsItsOwn) {
 }
 
 TEST(RulerPicture, BarsAreAsLongAsItSays) {
-  const RulerPicture ruler = rulerPicture(640, 360);
-  int left = 640, right = -1, top = 360, bottom = -1;
-  for (int y = 0; y < 360; ++y)
-    for (int x = 0; x < 640; ++x)
-      if ((*ruler.picture.pixels)[static_cast<std::size_t>(y) * 640 + static_cast<std::size_t>(x)] > 0) {
+  const RulerPicture ruler = rulerPicture(960, 540);
+  int left = 960, right = -1, top = 540, bottom = -1;
+  for (int y = 0; y < 540; ++y)
+    for (int x = 0; x < 960; ++x)
+      if ((*ruler.picture.pixels)[static_cast<std::size_t>(y) * 960 + static_cast<std::size_t>(x)] > 0) {
         left = std::min(left, x), right = std::max(right, x);
         top = std::min(top, y), bottom = std::max(bottom, y);
       }

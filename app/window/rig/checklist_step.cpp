@@ -3,7 +3,9 @@
 #include <QDoubleSpinBox>
 #include <QFormLayout>
 #include <QLineEdit>
+#include <QPushButton>
 
+#include "app/window/rig/simulated_hands.h"
 #include "app/window/settings.h"
 #include "devices/simulated/live_rig.h"
 #include "engine/acquire/rig_assembly.h"
@@ -86,6 +88,22 @@ QWidget* ChecklistStep::body(QWidget* parent) {
   form->addWidget(caption(tr("&Height"), height_));
   form->addWidget(height_);
   form->addStretch(1);
+  hand_ = new QPushButton(tr("Lay the Sample"), body_);
+  hand_->setObjectName(QStringLiteral("hand-sample"));
+  hand_->setToolTip(tr("What an operator would do, done to the simulated rig"));
+  form->addWidget(hand_);
+  connect(hand_, &QPushButton::clicked, this, [this] {
+    const auto simulated = rig_.simulation();
+    if (!simulated) return;
+    forget({});
+    rig_.run<Done>(
+        tr("Laying the sample"),
+        [simulated](const JobContext&) -> Status {
+          SimulatedHands(simulated).laySample();
+          return Done{};
+        },
+        [](const Status&) {});
+  });
   remarks_ = new QLabel(body_);
   remarks_->setWordWrap(true);
   remarks_->setProperty("role", "caption");
@@ -180,6 +198,8 @@ void ChecklistStep::refresh() {
                         : rig_.busy() ? tr("Not now: the camera is in use.")
                                       : QString();
     panel_->setMayCheck(why.isEmpty(), why);
+    hand_->setVisible(rig_.simulation() != nullptr);
+    hand_->setEnabled(!rig_.busy());
   }
   Q_EMIT changed();
 }

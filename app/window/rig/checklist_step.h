@@ -10,6 +10,7 @@
 class QDoubleSpinBox;
 class QLabel;
 class QLineEdit;
+class QPushButton;
 
 namespace patina {
 
@@ -47,6 +48,7 @@ class ChecklistStep : public GuideStep {
   QLineEdit* name_ = nullptr;
   QDoubleSpinBox *width_ = nullptr, *height_ = nullptr;
   QLabel* remarks_ = nullptr;
+  QPushButton* hand_ = nullptr;  ///< shown with a simulated rig
   ChecklistPanel* panel_ = nullptr;
   std::optional<Checklist> checklist_;
   std::optional<RigDescription> description_;

@@ -12,6 +12,8 @@
 #include <mutex>
 #include <optional>
 
+#include "app/window/rig/screen_inhibitor.h"
+
 namespace patina {
 
 namespace {
@@ -155,6 +157,7 @@ class PatternCanvas : public QWindow {
     link_->changed.notify_all();
   }
 
+  ScreenInhibitor inhibitor_;
   QBackingStore store_;
   std::shared_ptr<Link> link_;
   std::function<void(const Error&)> left_;
@@ -261,6 +264,12 @@ std::vector<ScreenInfo> screensThere() {
       info.warnings.emplace_back(
           "This screen is scaled by a fraction, which may blur patterns: set its scale to 100 % while you "
           "measure.");
+    if (QGuiApplication::platformName().startsWith(QStringLiteral("wayland")))
+      info.warnings.emplace_back(
+          "Under Wayland it can't be told whether the desktop scales patterns: set its scale to 100 %.");
+    if (info.refreshHz <= 0)
+      info.warnings.emplace_back(
+          "Its refresh rate is not known: exposures can't be a whole number of its periods.");
     screens.push_back(info);
   }
   return screens;

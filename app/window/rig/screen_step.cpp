@@ -4,6 +4,7 @@
 #include <QImage>
 #include <QPainter>
 
+#include "app/window/rig/screen_inhibitor.h"
 #include "app/window/rig/screen_numbers.h"
 #include "app/window/settings.h"
 #include "devices/simulated/live_rig.h"
@@ -131,6 +132,8 @@ void ScreenStep::choose(int number) {
   }
   numbers_.reset();
   if (ruler_) setRuler(false);
+  if (number != 0)
+    for (const QString& sentence : desktopColourWarnings()) screen.warnings.push_back(sentence.toStdString());
   rig_.chooseScreen(screen);
   if (rig_.simulation() && number != 0) {
     // What a ruler would say of the simulated glass.
