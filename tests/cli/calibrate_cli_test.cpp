@@ -174,14 +174,22 @@ TEST(CalibrateCli, ABracketIsMergedToLinearLight) {
 
 TEST(CalibrateCli, RechecksATileAndSaysWhenItsLightChanged) {
   const TempFolder folder;
-  Image tile(40, 30, 3, 0.6f);
+  // Light that falls off a little, as a lamp's does.
+  const auto tileUnder = [](float light) {
+    Image tile(40, 30, 3);
+    for (int y = 0; y < 30; ++y)
+      for (int x = 0; x < 40; ++x)
+        for (int c = 0; c < 3; ++c) tile.at(x, y, c) = light * (1 - 0.001f * static_cast<float>(x + y));
+    return tile;
+  };
+  const Image tile = tileUnder(0.6f);
   ASSERT_TRUE(writeExr(folder / "tile.exr", tile, {"R", "G", "B"}).ok());
   const std::string white = folder / "white.json";
   ASSERT_EQ(cli({"calibrate", "white", folder / "tile.exr", "--out", white}).status, 0);
   const Finished same = cli({"calibrate", "recheck", white, folder / "tile.exr"});
   EXPECT_EQ(same.status, 0) << same.err;
   EXPECT_THAT(same.out, HasSubstr("Good: "));
-  Image dimmer(40, 30, 3, 0.55f);
+  const Image dimmer = tileUnder(0.55f);
   ASSERT_TRUE(writeExr(folder / "dimmer.exr", dimmer, {"R", "G", "B"}).ok());
   const Finished changed = cli({"calibrate", "recheck", white, folder / "dimmer.exr"});
   EXPECT_EQ(changed.status, 3);
