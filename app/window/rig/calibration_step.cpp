@@ -4,6 +4,7 @@
 #include <QProgressBar>
 #include <QPushButton>
 #include <QScrollArea>
+#include <QTimer>
 
 #include "devices/simulated/live_rig.h"
 #include "widgets/live_view.h"
@@ -248,6 +249,12 @@ void CalibrationStep::say(const QString& text, Tone tone) {
                         : tone == Tone::Problem ? theme::kWarning
                                                 : theme::kText;
   said_->setStyleSheet(QStringLiteral("color: %1").arg(colour.name()));
+  if (text.isEmpty()) return;
+  // In a small window it may be below the side's end; its height is known when the layout is.
+  QTimer::singleShot(0, said_, [said = said_] {
+    for (QWidget* parent = said->parentWidget(); parent; parent = parent->parentWidget())
+      if (auto* scroll = qobject_cast<QScrollArea*>(parent)) scroll->ensureWidgetVisible(said);
+  });
 }
 
 bool CalibrationStep::keep(StoredCalibration content, double residual, const char* unit,
