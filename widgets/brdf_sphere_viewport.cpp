@@ -42,7 +42,8 @@ QWidget* labelled(const QString& text, std::initializer_list<QWidget*> fields, Q
 
 BrdfSphereViewport::BrdfSphereViewport(QWidget* parent) : QWidget(parent) {
   setObjectName(QStringLiteral("brdfSphere"));
-  canvas_ = new BrdfSphereCanvas(this);
+  canvas_ = new BrdfSphereCanvas(openGlThere() ? this : nullptr);
+  if (!openGlThere()) unseen_.reset(canvas_);
   bar_ = new CertaintyBar(this);
   bar_->hide();
   message_ = new QLabel(this);
@@ -125,7 +126,7 @@ BrdfSphereViewport::BrdfSphereViewport(QWidget* parent) : QWidget(parent) {
   auto* column = new QVBoxLayout(this);
   column->setContentsMargins(0, 0, 0, 0);
   column->setSpacing(0);
-  column->addWidget(canvas_, 1);
+  column->addWidget(unseen_ ? noOpenGlLabel(this) : canvas_, 1);
   column->addWidget(message_);
   column->addWidget(bar_);
   column->addWidget(controls_);

@@ -85,6 +85,7 @@ class BrdfSphereViewport : public QWidget {
   void say(const QString& sentence);
 
   BrdfSphereCanvas* canvas_;
+  std::unique_ptr<QWidget> unseen_;  ///< the same, where it can't be shown
   CertaintyBar* bar_;
   QComboBox* environment_;
   QCheckBox *light_, *overlay_, *surround_;

@@ -45,6 +45,13 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   simulate_->setToolTip(
       tr("No camera at hand: photograph a made-up sheet with a simulated one (about 10 s). "
          "More, also two-shot samples: File > Simulated Capture"));
+  capture_ = new QPushButton(tr("Capture with a Screen\u2026"), card_);
+  capture_->setObjectName(QStringLiteral("emptyCapture"));
+  capture_->setToolTip(tr("Photograph a sample with your own camera and screen, step by step (Ctrl+K)"));
+  captureTwoShot_ = new QPushButton(tr("Capture in Two Shots\u2026"), card_);
+  captureTwoShot_->setObjectName(QStringLiteral("emptyCaptureTwoShot"));
+  captureTwoShot_->setToolTip(
+      tr("Photograph a sample from two directions under a lamp, step by step (Ctrl+Shift+K)"));
   recentTitle_ = new QLabel(tr("Recent"), card_);
   recentTitle_->setProperty("role", "caption");
   recent_ = new QVBoxLayout;
@@ -56,6 +63,11 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   buttons->addWidget(openFit_);
   buttons->addWidget(simulate_);
   buttons->addStretch(1);
+  auto* captures = new QHBoxLayout;
+  captures->addStretch(1);
+  captures->addWidget(capture_);
+  captures->addWidget(captureTwoShot_);
+  captures->addStretch(1);
   auto* column = new QVBoxLayout(card_);
   column->setSpacing(12);
   column->addWidget(mark);
@@ -63,6 +75,7 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   column->addWidget(text_);
   column->addSpacing(6);
   column->addLayout(buttons);
+  column->addLayout(captures);
   column->addSpacing(10);
   column->addWidget(recentTitle_, 0, Qt::AlignHCenter);
   column->addLayout(recent_);
@@ -73,6 +86,8 @@ EmptyState::EmptyState(QWidget* parent) : QWidget(parent) {
   connect(open_, &QPushButton::clicked, this, &EmptyState::openRequested);
   connect(openFit_, &QPushButton::clicked, this, &EmptyState::openFitRequested);
   connect(simulate_, &QPushButton::clicked, this, &EmptyState::simulateRequested);
+  connect(capture_, &QPushButton::clicked, this, [this] { Q_EMIT captureRequested(false); });
+  connect(captureTwoShot_, &QPushButton::clicked, this, [this] { Q_EMIT captureRequested(true); });
   setRecent({});
 }
 
@@ -107,7 +122,7 @@ void EmptyState::setBusy(const QString& what) {
   title_->setText(what.isEmpty() ? tr("Open a capture bundle") : what);
   open_->setEnabled(what.isEmpty());
   openFit_->setEnabled(what.isEmpty());
-  simulate_->setEnabled(what.isEmpty());
+  for (QPushButton* button : {simulate_, capture_, captureTwoShot_}) button->setEnabled(what.isEmpty());
 }
 
 void EmptyState::paintEvent(QPaintEvent*) {

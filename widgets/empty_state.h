@@ -24,6 +24,7 @@ class EmptyState : public QWidget {
   void openRequested();
   void openFitRequested();
   void simulateRequested();
+  void captureRequested(bool twoShot);
   void recentRequested(QString folder);
 
  protected:
@@ -34,6 +35,7 @@ class EmptyState : public QWidget {
   QPushButton* open_;
   QPushButton* openFit_;
   QPushButton* simulate_;
+  QPushButton *capture_, *captureTwoShot_;
   QVBoxLayout* recent_;
   QWidget* card_;
   bool held_ = false;

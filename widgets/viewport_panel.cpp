@@ -11,7 +11,8 @@
 namespace patina {
 
 ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(parent), document_(document) {
-  sheet_ = new SheetViewport(document, this);
+  sheet_ = new SheetViewport(document, openGlThere() ? this : nullptr);
+  if (!openGlThere()) unseen_.reset(sheet_);
   sphere_ = new SphereView(this);
   sphere_->setObjectName(QStringLiteral("sphereView"));
   studio_ = new QCheckBox(tr("In a room"), this);
@@ -82,7 +83,7 @@ ViewportPanel::ViewportPanel(Document* document, QWidget* parent) : QWidget(pare
   auto* across = new QHBoxLayout(this);
   across->setContentsMargins(0, 0, 0, 0);
   across->setSpacing(0);
-  across->addWidget(sheet_, 1);
+  across->addWidget(unseen_ ? noOpenGlLabel(this) : sheet_, 1);
   across->addWidget(controls);
 
   auto* gesture = new QTimer(this);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <QWidget>
+#include <memory>
 
 #include "widgets/document.h"
 
@@ -35,6 +36,7 @@ class ViewportPanel : public QWidget {
   Document* document_;
   std::optional<QPoint> texel_;
   SheetViewport* sheet_;
+  std::unique_ptr<QWidget> unseen_;  ///< the same, where it can't be shown
   SphereView* sphere_;
   QLabel* lampText_;
   QCheckBox* studio_;

@@ -12,6 +12,22 @@
 
 namespace patina {
 
+bool openGlThere() {
+  static const bool there = [] {
+    QOpenGLContext context;
+    return context.create();
+  }();
+  return there;
+}
+
+QWidget* noOpenGlLabel(QWidget* parent) {
+  auto* label = new QLabel(VtkWidget::tr("This display has no OpenGL: 3D views are left out."), parent);
+  label->setAlignment(Qt::AlignCenter);
+  label->setWordWrap(true);
+  label->setProperty("role", "caption");
+  return label;
+}
+
 VtkWidget::VtkWidget(QWidget* parent) : QOpenGLWidget(parent) {
   renderer_ = vtkSmartPointer<vtkRenderer>::New();
   observer_ = vtkSmartPointer<vtkCallbackCommand>::New();

@@ -11,6 +11,11 @@ class vtkObject;
 
 namespace patina {
 
+/// Whether this display can draw with OpenGL at all. Where it can't, a window that holds a VtkWidget could
+/// not even draw its other parts: leave it without a parent, and put `noOpenGlLabel` in its place.
+bool openGlThere();
+QWidget* noOpenGlLabel(QWidget* parent);
+
 /// VTK in a Qt 6 widget. Owns a render window that draws into a framebuffer of its own; paintGL copies the
 /// picture onto the widget's. Events are the subclass's: there is no VTK interactor.
 class VtkWidget : public QOpenGLWidget {

@@ -35,7 +35,7 @@ int runCamera(const CameraArguments& arguments, Context& context) {
     if (job.cancelled()) return context.fail({ErrorCode::Cancelled, "the calibration was cancelled", "", ""});
     job.progress("boards", static_cast<std::int64_t>(i), total, "photos");
     const fs::path file = arguments.photos[i];
-    const Result<PhotoFile> photo = readPhotoFile(file);
+    const Result<PhotoFile> photo = readPhotoOrRaw(file.string());
     if (!photo) return context.fail(photo.error());
     const BoardDetection found = detectBoard(photo->image, *board, {}, job.stop);
     if (!found.found) {
@@ -168,12 +168,11 @@ int finishCalibration(const CalibrateArguments& arguments, const CalibrationReco
 }
 
 Result<Image> readLinearPhoto(const std::string& file, const std::string& encoding) {
-  Result<PhotoFile> photo = readPhotoFile(file);
+  Result<PhotoFile> photo = readPhotoOrRaw(file);
   if (!photo) return photo.error();
   if (photo->linear) {
     if (!encoding.empty() && encoding != "linear")
-      return Error{ErrorCode::Invalid, "an OpenEXR photograph is linear already", file,
-                   "leave --encoding out"};
+      return Error{ErrorCode::Invalid, "this photograph is linear already", file, "leave --encoding out"};
     return std::move(photo->image);
   }
   if (encoding.empty() || encoding == "linear")
@@ -217,10 +216,10 @@ void addCalibrateCamera(CLI::App& parent, Context& context) {
   CLI::App* verb =
       parent.add_subcommand("camera", "The lens, from photographs of a checkerboard or ChArUco board");
   auto arguments = std::make_shared<CameraArguments>();
-  addCalibrateOptions(
-      *verb, arguments.get(), context,
-      "10 to 20 photographs of the board (PNG, JPEG, OpenEXR), tilted to all sides and in all parts\n"
-      "of the picture, all at one focus and zoom");
+  addCalibrateOptions(*verb, arguments.get(), context,
+                      "10 to 20 photographs of the board (PNG, JPEG, TIFF, RAW, OpenEXR), tilted to all "
+                      "sides and in all parts\n"
+                      "of the picture, all at one focus and zoom");
   verb->add_option(
           "--board", arguments->board,
           "KIND:COLUMNSxROWS:MM, squares and their side in mm: checkerboard:10x7:25 or charuco:11x8:22,\n"
@@ -274,6 +273,8 @@ void addCalibrateVerb(CLI::App& program, Context& context) {
   addCalibrateWhite(*verb, context);
   addCalibrateResponse(*verb, context);
   addCalibrateBoard(*verb, context);
+  addCalibrateRecheck(*verb, context);
+  addCalibrateMerge(*verb, context);
 }
 
 }  // namespace patina::cli

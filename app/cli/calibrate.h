@@ -29,6 +29,8 @@ Status checkCalibrationOut(const std::string& out);
 /// Writes it and says so; exit status.
 int finishCalibration(const CalibrateArguments& arguments, const CalibrationRecord& record, Context& context);
 
+/// The photograph: PNG, JPEG, OpenEXR; and RAW and TIFF as the cameras' folder reads them.
+Result<PhotoFile> readPhotoOrRaw(const std::string& file);
 /// The photograph, with `encoding` ("srgb", "gamma:2.2", "response:FILE") undone; a linear one must have
 /// none.
 Result<Image> readLinearPhoto(const std::string& file, const std::string& encoding);
@@ -40,6 +42,8 @@ void addCalibrateBoard(CLI::App& verb, Context& context);     // calibrate.cpp
 void addCalibrateScreen(CLI::App& verb, Context& context);    // calibrate_screen.cpp
 void addCalibrateWhite(CLI::App& verb, Context& context);     // calibrate_white.cpp
 void addCalibrateResponse(CLI::App& verb, Context& context);  // calibrate_response.cpp
+void addCalibrateRecheck(CLI::App& verb, Context& context);   // calibrate_recheck.cpp
+void addCalibrateMerge(CLI::App& verb, Context& context);     // calibrate_recheck.cpp
 
 template <typename... Values>
 std::string worded(const char* format, Values... values) {

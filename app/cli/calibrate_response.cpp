@@ -21,7 +21,7 @@ int runResponse(const ResponseArguments& arguments, Context& context) {
   std::vector<ExposedPhoto> photos;
   for (std::size_t i = 0; i < exposures.size(); ++i) {
     job.progress("read", static_cast<std::int64_t>(i), static_cast<std::int64_t>(exposures.size()), "photos");
-    Result<PhotoFile> photo = readPhotoFile(arguments.photos[i]);
+    Result<PhotoFile> photo = readPhotoOrRaw(arguments.photos[i]);
     if (!photo) return context.fail(photo.error());
     photos.push_back({std::filesystem::path(arguments.photos[i]).filename().string(), std::move(photo->image),
                       exposures[i]});
@@ -31,7 +31,7 @@ int runResponse(const ResponseArguments& arguments, Context& context) {
   if (!arguments.dark.empty()) {
     std::vector<Image> frames;
     for (const std::string& file : arguments.dark) {
-      Result<PhotoFile> photo = readPhotoFile(file);
+      Result<PhotoFile> photo = readPhotoOrRaw(file);
       if (!photo) return context.fail(photo.error());
       frames.push_back(std::move(photo->image));
     }

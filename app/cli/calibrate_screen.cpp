@@ -37,7 +37,7 @@ int runCurve(const ScreenArguments& arguments, Context& context) {
     if (!photo) return context.fail(photo.error());
     samples.push_back({grey[i], meanLight(*photo, region)});
   }
-  const Result<ScreenResponse> found = fitScreenResponse(samples);
+  const Result<ScreenCurve> found = fitScreenResponse(samples);
   if (!found) return context.fail(found.error());
   context.console.finishProgress();
   context.console.say(
@@ -83,7 +83,7 @@ int runPose(const ScreenArguments& arguments, Context& context) {
   const Result<CalibrationRecord> lens = readCalibration(arguments.camera, "camera");
   if (!lens) return context.fail(lens.error());
   input.camera = std::get<StoredCamera>(lens->content).camera;
-  const Result<PhotoFile> photo = readPhotoFile(arguments.photos[0]);
+  const Result<PhotoFile> photo = readPhotoOrRaw(arguments.photos[0]);
   if (!photo) return context.fail(photo.error());
   const Result<ScreenPoseCalibration> found = calibrateScreenPose(input, photo->image);
   if (!found) return context.fail(found.error());

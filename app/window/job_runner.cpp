@@ -63,9 +63,19 @@ JobRunner::JobRunner(QObject* parent) : QObject(parent) {}
 
 JobRunner::~JobRunner() {
   if (current_) retired_.push_back(std::move(current_));
+  joinRetired();
+}
+
+void JobRunner::joinRetired() {
   for (auto& job : retired_) job->thread.request_stop();
   for (auto& job : retired_)
     if (job->thread.joinable()) job->thread.join();
+  retired_.clear();
+}
+
+void JobRunner::abandonAndWait() {
+  abandon();
+  joinRetired();
 }
 
 std::uint64_t JobRunner::launch(std::function<std::function<void()>(const JobContext&)> work) {

@@ -51,6 +51,8 @@ class JobRunner : public QObject {
   void cancel();
   /// Asks the running job to stop and drops its outcome.
   void abandon();
+  /// The same, and waits until no thread of it is left: for whoever is about to take away what jobs use.
+  void abandonAndWait();
   bool running() const { return current_ != nullptr; }
   bool cancelling() const { return cancelling_; }
   std::uint64_t number() const { return number_; }
@@ -65,6 +67,7 @@ class JobRunner : public QObject {
   struct Running;
   std::uint64_t launch(std::function<std::function<void()>(const JobContext&)> work);
   void reap();
+  void joinRetired();
 
   std::uint64_t number_ = 0;
   bool cancelling_ = false;

@@ -17,6 +17,7 @@
 #include <QUrl>
 
 #include "app/window/explain_controller.h"
+#include "app/window/rig/capture_guides.h"
 #include "app/window/two_shot_controller.h"
 #include "widgets/elided_label.h"
 #include "widgets/empty_state.h"
@@ -89,6 +90,7 @@ MainWindow::~MainWindow() {
   twoShot_->document()->disconnect();
   twoShot_->document()->undoStack()->disconnect();
   history_->disconnect();
+  if (guides_) guides_->disconnect(), guides_->rig()->disconnect();
   for (JobRunner* job : {&openJob_, &fitJob_, &saveJob_}) job->disconnect();
 }
 
@@ -186,6 +188,7 @@ void MainWindow::connectAll() {
   connect(empty_, &EmptyState::simulateRequested, this, [this] {
     if (!services_.scenes.empty()) simulate(services_.scenes.front().first);
   });
+  connect(empty_, &EmptyState::captureRequested, this, &MainWindow::startCapture);
   connect(empty_, &EmptyState::recentRequested, this, &MainWindow::openPath);
   connect(strip_, &PhotoStrip::photoSelected, maps_, &MapPanel::showPhoto);
   connect(strip_, &PhotoStrip::photoActivated, maps_, &MapPanel::showPhoto);
@@ -504,6 +507,7 @@ void MainWindow::refreshHealth() {
 void MainWindow::closeEvent(QCloseEvent* event) {
   if (!mayLoseFit(tr("quit"), tr("Quit"))) return event->ignore();
   keepState();
+  if (guides_) guides_->leave();
   fitJob_.abandon();
   openJob_.abandon();
   event->accept();

@@ -23,6 +23,7 @@ class QUndoGroup;
 
 namespace patina {
 
+class CaptureGuides;
 class EmptyState;
 class ErrorBanner;
 class ExplainController;
@@ -70,6 +71,12 @@ class MainWindow : public QMainWindow {
   /// The page that shows it, in place of maps or pictures.
   void showExplain(bool shown);
   bool explainShown() const;
+
+  /// Leads through a capture with the rig, in place of what is open; `twoShot`: the other kind.
+  void startCapture(bool twoShot);
+  void leaveCapture();
+  /// Made at first use.
+  CaptureGuides* captureGuides();
 
   /// A Fourier bundle, or nothing while a two-shot bundle is open; and the other way round.
   Document* document() { return &document_; }
@@ -156,6 +163,7 @@ class MainWindow : public QMainWindow {
   Document document_;
   std::unique_ptr<TwoShotController> twoShot_;
   std::unique_ptr<ExplainController> explain_;
+  std::unique_ptr<CaptureGuides> guides_;
   std::shared_ptr<const FlashCapture> flash_;  ///< null unless such a bundle is open
   QUndoGroup* history_;
   PhotoLibrary* library_;

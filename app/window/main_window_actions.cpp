@@ -216,6 +216,15 @@ void MainWindow::buildActions() {
       fit, "options", tr("&Options\u2026"), QKeySequence(Qt::CTRL | Qt::Key_Comma), tr("Options of the fit"),
       [this] { editOptions(); }, "options");
 
+  QMenu* capture = menuBar()->addMenu(tr("&Capture"));
+  addAction(capture, "capture-fourier", tr("With a &Screen\u2026"), QKeySequence(Qt::CTRL | Qt::Key_K),
+            tr("Calibrate camera and screen, and photograph a sample under patterns, step by step"),
+            [this] { startCapture(false); });
+  addAction(capture, "capture-two-shot", tr("&Two Shots\u2026"),
+            QKeySequence(Qt::CTRL | Qt::SHIFT | Qt::Key_K),
+            tr("Photograph a sample from the two directions of a plan, step by step"),
+            [this] { startCapture(true); });
+
   QMenu* tools = menuBar()->addMenu(tr("&Tools"));
   addAction(tools, "plan", tr("Plan &Directions\u2026"), QKeySequence(Qt::CTRL | Qt::Key_D),
             tr("Where to put camera and light for a two-shot capture, and what error to expect"),
@@ -225,7 +234,7 @@ void MainWindow::buildActions() {
   addAction(help, "shortcuts", tr("&Keyboard and Mouse"), QKeySequence(Qt::Key_F1),
             tr("Every key and gesture"), [this] { showShortcuts(); });
   addAction(help, "about", tr("&About Patina"), {}, tr("Version and sources"), [this] { showAbout(); });
-  for (QMenu* menu : {file, edit, viewMenu_, fit, tools, help}) menu->setToolTipsVisible(true);
+  for (QMenu* menu : {file, edit, viewMenu_, fit, capture, tools, help}) menu->setToolTipsVisible(true);
 
   toolBar_ = addToolBar(tr("Tools"));
   toolBar_->setObjectName(QStringLiteral("toolBar"));

@@ -10,6 +10,7 @@
 
 #include "app/window/explain_controller.h"
 #include "app/window/main_window.h"
+#include "app/window/rig/capture_guides.h"
 #include "app/window/two_shot_controller.h"
 #include "widgets/empty_state.h"
 #include "widgets/error_banner.h"
@@ -160,6 +161,7 @@ void MainWindow::showOpenPage() {
                                                         : 0;
   explain_->setBundle(bundle, tr("%1 photographs").arg(photographs));
   explain_->page()->setMayGoBack(somethingOpen());
+  if (guides_) guides_->leave();
   pages_->setCurrentWidget(explainWanted_ || flash_ ? static_cast<QWidget*>(explain_->page())
                            : twoShot                ? static_cast<QWidget*>(twoShot_->page())
                            : document_.capture()    ? workspace_
@@ -167,6 +169,28 @@ void MainWindow::showOpenPage() {
   history_->setActiveStack(twoShot ? twoShot_->document()->undoStack() : document_.undoStack());
   refreshActions();
   refreshTitle();
+}
+
+CaptureGuides* MainWindow::captureGuides() {
+  if (guides_) return guides_.get();
+  guides_ = std::make_unique<CaptureGuides>(services_.rig, settings_, pages_);
+  connect(guides_.get(), &CaptureGuides::leaveRequested, this, &MainWindow::leaveCapture);
+  const RigController* rig = guides_->rig();
+  connect(rig, &RigController::failed, banner_, &ErrorBanner::showError);
+  connect(rig, &RigController::noticed, banner_, &ErrorBanner::showNotice);
+  connect(rig, &RigController::bundleReady, this,
+          [this](const std::filesystem::path& folder) { openPath(QString::fromStdString(folder.string())); });
+  return guides_.get();
+}
+
+void MainWindow::startCapture(bool twoShot) {
+  banner_->hide();
+  captureGuides()->show(twoShot ? CaptureGuides::Kind::TwoShot : CaptureGuides::Kind::Fourier);
+  refreshActions();
+}
+
+void MainWindow::leaveCapture() {
+  showOpenPage();
 }
 
 void MainWindow::simulate(const std::string& scene) {

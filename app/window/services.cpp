@@ -39,6 +39,7 @@ Services Services::engine() {
     services.scenes.emplace_back(scene, simulatedSceneSummary(scene));
   services.addTwoShot();
   services.addExplain();
+  services.rig = RigServices::devices();
   return services;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "app/window/rig/rig_services.h"
 #include "engine/capture/capture.h"
 #include "engine/capture/flash_capture.h"
 #include "engine/capture/two_shot_capture.h"
@@ -74,6 +75,9 @@ struct Services {
                                        const JobContext&)>
       explainWith;
   std::function<Status(const std::filesystem::path& folder, const Explanation&)> writeExplanation;
+
+  /// Cameras, screens and what else the guided captures need.
+  RigServices rig;
 
   /// The real ones.
   static Services engine();

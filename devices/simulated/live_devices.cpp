@@ -210,26 +210,17 @@ class LiveDisplay : public PatternDisplay {
     }
     rig_->glassShows("simulated", picture, shown.swapped);
     shown.since = shown.swapped + latency_;
-    if (!waitUntil(shown.since, stop))
+    if (!rig_->waitUntil(shown.since, stop))
       return Error{ErrorCode::Cancelled, "showing a picture was cancelled", "", ""};
     return shown;
   }
   void setLatency(microseconds latency) override { latency_ = latency; }
   microseconds latency() const override { return latency_; }
   bool wait(microseconds time, const std::stop_token& stop) override {
-    return waitUntil(rig_->now() + time, stop);
+    return rig_->waitUntil(rig_->now() + time, stop);
   }
 
  private:
-  bool waitUntil(RigTime when, const std::stop_token& stop) {
-    std::unique_lock lock(state_.mutex);
-    if (!state_.setup.realTime) {
-      state_.clock = std::max(state_.clock, when);
-      return !stop.stop_requested();
-    }
-    state_.changed.wait_until(lock, stop, when, [] { return false; });
-    return !stop.stop_requested();
-  }
   std::shared_ptr<LiveRig> rig_;
   LiveRig::State& state_;
   microseconds latency_{0};

@@ -98,15 +98,19 @@ Result<std::shared_ptr<LiveRig>> LiveRig::create(const LiveRigSetup& setup) {
   scene.sheet = setup.sheet;
   scene.brdfs = setup.brdfs;
   scene.effects = setup.effects;
-  if (Status ready = state->prepareScene(); !ready) return ready.error();
   state->fullScaleSecond = setup.fullScaleSecond;
   if (!(state->fullScaleSecond > 0)) {
+    Result<LiveScene> made = LiveScene::create(scene, JobContext{});
+    if (!made) return made.error();
+    state->scene.emplace(std::move(*made));
     PatternSpec window;
     window.kind = PatternSpec::Kind::Window;
     double brightest = 0;
     const Image light = state->scene->radiance(patternImage(window, setup.screen));
     for (const float sample : light.samples()) brightest = std::max<double>(brightest, sample);
     state->fullScaleSecond = brightest > 0 ? 0.1 * brightest : 1;
+  } else if (Status ready = state->prepareScene(); !ready) {
+    return ready.error();
   }
   return std::shared_ptr<LiveRig>(new LiveRig(std::move(state)));
 }
@@ -139,6 +143,19 @@ void LiveRig::moveCamera(const Camera& camera) {
   state_->sceneChanged();
 }
 
+void LiveRig::exchangeScreen(int widthPx, int heightPx) {
+  const std::lock_guard lock(state_->mutex);
+  Screen& screen = state_->setup.screen;
+  if (screen.widthPx == widthPx && screen.heightPx == heightPx) return;
+  for (Screen* one : {&screen, &state_->sceneSetup.screen}) {
+    one->widthPx = widthPx;
+    one->heightPx = heightPx;
+    one->heightMm = one->widthMm * heightPx / widthPx;
+  }
+  state_->glass.clear();
+  state_->sceneChanged();
+}
+
 void LiveRig::moveSample(const Eigen::Vector2d& toMm, double turnDeg) {
   const std::lock_guard lock(state_->mutex);
   state_->sceneSetup.sampleShiftMm = toMm;
@@ -167,6 +184,16 @@ void LiveRig::light(const std::optional<LiveLamp>& lamp) {
 RigTime LiveRig::now() const {
   const std::lock_guard lock(state_->mutex);
   return state_->now();
+}
+
+bool LiveRig::waitUntil(RigTime when, const std::stop_token& stop) {
+  std::unique_lock lock(state_->mutex);
+  if (!state_->setup.realTime) {
+    state_->clock = std::max(state_->clock, when);
+    return !stop.stop_requested();
+  }
+  state_->changed.wait_until(lock, stop, when, [] { return false; });
+  return !stop.stop_requested();
 }
 
 std::uint64_t LiveRig::picturesShown() const {
@@ -226,7 +253,10 @@ CameraInfo LiveRig::State::info() const {
 }
 
 Status LiveRig::State::prepareScene() {
+  // Until the screen shows something, its light needs no paths: boards and lamps cost a fraction then.
+  if (scene && !sceneSetup.screenLit && !glass.empty()) scene.reset();
   if (!scene) {
+    sceneSetup.screenLit = !glass.empty();
     Result<LiveScene> made = LiveScene::create(sceneSetup, JobContext{});
     if (!made) return made.error();
     scene.emplace(std::move(*made));

@@ -76,6 +76,8 @@ class LiveRig : public GlassObserver, public std::enable_shared_from_this<LiveRi
 
   // ---- what an operator does ----
   void moveCamera(const Camera& camera);
+  /// Puts another screen there: of so many pixels, as wide as it was, its height by square pixels.
+  void exchangeScreen(int widthPx, int heightPx);
   void moveSample(const Eigen::Vector2d& toMm, double turnDeg);
   void put(OnTable what);
   /// Boards that lie on the table or are held before the camera.
@@ -92,7 +94,8 @@ class LiveRig : public GlassObserver, public std::enable_shared_from_this<LiveRi
 
   /// The real pattern window's pictures come in here.
   void glassShows(const std::string& screenId, const ShownPicture& picture, RigTime swapped) override;
-  RigTime now() const;
+  RigTime now() const override;
+  bool waitUntil(RigTime when, const std::stop_token& stop) override;
   std::uint64_t picturesShown() const;
 
   // ---- what can go wrong ----

@@ -146,7 +146,7 @@ Result<LiveScene> LiveScene::create(const LiveSceneSetup& setup, const JobContex
     part.kind = SurfacePart::Kind::Lambert;
     ScreenIntegrator::Query query{point, (eye - point).normalized(), {}};
     query.material.normal = normal;
-    addKernel(pixel, values, integrator.kernelOf(query, part), albedo.cast<float>());
+    if (setup.screenLit) addKernel(pixel, values, integrator.kernelOf(query, part), albedo.cast<float>());
     pixel.lambert = albedo;
     pixel.normal = normal;
     pixel.toView = query.toView;
@@ -280,9 +280,11 @@ Result<LiveScene> LiveScene::create(const LiveSceneSetup& setup, const JobContex
     if (!setup.brdfs.empty()) {
       const std::size_t which = static_cast<std::size_t>(query.material.material) % setup.brdfs.size();
       pixel.brdf = setup.brdfs[which].get();
+      if (!setup.screenLit) return;
       addMeasured(pixel, values, query, *setup.brdfs[which], smooth[which]);
       return;
     }
+    if (!setup.screenLit) return;
     const SurfaceParts parts = surfaceParts(query.material, setup.effects);
     if (parts.lambert.kind != SurfacePart::Kind::Nothing)
       addKernel(pixel, values, integrator.kernelOf(query, parts.lambert),

@@ -48,6 +48,8 @@ struct LiveSceneSetup {
   double sampleTurnDeg = 0;
   std::vector<LivePrint> prints;
   IntegrationQuality quality;
+  bool screenLit =
+      true;  ///< false: the screen has shown nothing yet, and its light's paths are not worked out
 };
 
 /// Albedos of the simulated white paper and tile, R G B.

@@ -35,6 +35,11 @@ class GlassObserver {
   /// Pixel for pixel what the screen `screenId` was given, from the time of the swap on. Called on the
   /// display's thread; must be quick.
   virtual void glassShows(const std::string& screenId, const ShownPicture& picture, RigTime swapped) = 0;
+  /// The clock that swaps are told in and that the display waits in: real time, unless what looks is a
+  /// simulation with a clock of its own. Any thread.
+  virtual RigTime now() const { return std::chrono::steady_clock::now(); }
+  /// False where stopped.
+  virtual bool waitUntil(RigTime when, const std::stop_token& stop);
 };
 
 /// A screen in use: pictures full-screen, not resampled, no cursor, no blanking. Implemented by the window

@@ -51,7 +51,7 @@ struct StoredResponse {
   std::optional<DarkLevel> dark;
 };
 struct StoredScreenResponse {
-  ScreenResponse response;
+  ScreenCurve response;
 };
 
 using StoredCalibration = std::variant<StoredCamera, StoredScreenPose, StoredEmission, StoredWhiteTile,

@@ -45,11 +45,11 @@ Eigen::Vector3d meanLight(const Image& photo, const PixelRegion& region) {
   return mean;
 }
 
-double ScreenResponse::lightOf(double sent) const {
+double ScreenCurve::lightOf(double sent) const {
   return monotoneCubic(value, light, std::clamp(sent, 0.0, 1.0));
 }
 
-double ScreenResponse::valueFor(double wantedLight) const {
+double ScreenCurve::valueFor(double wantedLight) const {
   // The curve doesn't fall: bisection, to a millionth of the range.
   const double wanted = std::clamp(wantedLight, 0.0, 1.0);
   double low = 0, high = 1;
@@ -60,7 +60,7 @@ double ScreenResponse::valueFor(double wantedLight) const {
   return high;
 }
 
-std::vector<double> ScreenResponse::inverseTable(int entries) const {
+std::vector<double> ScreenCurve::inverseTable(int entries) const {
   std::vector<double> table;
   for (int i = 0; i < entries; ++i)
     table.push_back(valueFor(static_cast<double>(i) / std::max(1, entries - 1)));
@@ -68,7 +68,7 @@ std::vector<double> ScreenResponse::inverseTable(int entries) const {
   return table;
 }
 
-Result<ScreenResponse> fitScreenResponse(const std::vector<GreySample>& samples) {
+Result<ScreenCurve> fitScreenResponse(const std::vector<GreySample>& samples) {
   const auto invalid = [](const std::string& what, const std::string& tryThis) {
     return Error{ErrorCode::Invalid, what, "screen response", tryThis};
   };
@@ -96,7 +96,7 @@ Result<ScreenResponse> fitScreenResponse(const std::vector<GreySample>& samples)
   if (!(range.minCoeff() > 0) || !(range.minCoeff() > 0.01 * light.back().maxCoeff()))
     return invalid("white isn't brighter than black in the photographs",
                    "was the ramp on the screen that was photographed? Is the region on it?");
-  ScreenResponse response;
+  ScreenCurve response;
   response.value = value;
   std::vector<double> mean;
   for (const Eigen::Vector3d& l : light) {

@@ -23,7 +23,7 @@ std::vector<double> greyRamp(int count);
 Eigen::Vector3d meanLight(const Image& photo, const PixelRegion& region);
 
 /// A screen's curve: light over value, R G B together (a pattern is grey).
-struct ScreenResponse {
+struct ScreenCurve {
   std::vector<double> value, light;  ///< rising from (0, 0) to (1, 1): black's light taken off
   double blackShare = 0;             ///< light at black over light at white
   double exponent = 2.2;             ///< of the best power law
@@ -41,7 +41,7 @@ struct ScreenResponse {
 /// The curve through the samples: monotone (isotonic), piecewise cubic without overshoot between them.
 /// Repeated values are averaged. Errors: Invalid (fewer than 5 values, none at black or white, light that
 /// doesn't rise).
-Result<ScreenResponse> fitScreenResponse(const std::vector<GreySample>& samples);
+Result<ScreenCurve> fitScreenResponse(const std::vector<GreySample>& samples);
 
 /// The paper's way around the curve (section 4.2): during one exposure the screen shows `frames` black and
 /// white pictures, H(h - s), so that light adds up to h whatever the curve is. Picture `frame` of `frames`

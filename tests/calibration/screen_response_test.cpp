@@ -24,8 +24,8 @@ std::vector<GreySample> ramp(double gamma, double noise, int count = 33) {
   return samples;
 }
 
-TEST(ScreenResponse, InvertsAMeasuredCurve) {
-  const Result<ScreenResponse> found = fitScreenResponse(ramp(2.2, 0.0005));
+TEST(ScreenCurve, InvertsAMeasuredCurve) {
+  const Result<ScreenCurve> found = fitScreenResponse(ramp(2.2, 0.0005));
   ASSERT_TRUE(found.ok()) << found.error().sentence();
   // 0.2 % of white: what the ramp's noise and its 33 steps leave.
   for (double v = 0; v <= 1; v += 0.01) EXPECT_NEAR(found->lightOf(v), std::pow(v, 2.2), 0.002) << v;
@@ -40,7 +40,7 @@ TEST(ScreenResponse, InvertsAMeasuredCurve) {
   for (std::size_t i = 1; i < table.size(); ++i) EXPECT_GE(table[i], table[i - 1]);
 }
 
-TEST(ScreenResponse, RefusesWhatIsNoRamp) {
+TEST(ScreenCurve, RefusesWhatIsNoRamp) {
   std::vector<GreySample> samples = ramp(2.2, 0);
   EXPECT_FALSE(fitScreenResponse({samples.begin(), samples.begin() + 3}).ok());
   EXPECT_FALSE(fitScreenResponse({samples.begin(), samples.begin() + 20}).ok()) << "no white";
@@ -51,7 +51,7 @@ TEST(ScreenResponse, RefusesWhatIsNoRamp) {
   EXPECT_FALSE(fitScreenResponse(samples)->warnings.empty());
 }
 
-TEST(ScreenResponse, ThresholdedFramesAddUpToThePattern) {
+TEST(ScreenCurve, ThresholdedFramesAddUpToThePattern) {
   Image pattern(64, 32, 1);
   for (int y = 0; y < 32; ++y)
     for (int x = 0; x < 64; ++x) pattern.at(x, y) = static_cast<float>(x + y / 32.0) / 64;
@@ -71,7 +71,7 @@ TEST(ScreenResponse, ThresholdedFramesAddUpToThePattern) {
   EXPECT_EQ(whiteFrames(0.5, kFrames), kFrames / 2);
 }
 
-TEST(ScreenResponse, MeanLightLeavesOutTheOdd) {
+TEST(ScreenCurve, MeanLightLeavesOutTheOdd) {
   Image photo(20, 20, 3, 0.5f);
   photo.at(3, 3, 1) = 100;
   EXPECT_NEAR(meanLight(photo, {})[1], 0.5, 1e-6);

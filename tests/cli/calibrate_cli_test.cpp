@@ -148,5 +148,54 @@ TEST(CalibrateCli, RecoversARealFilmsResponse) {
   EXPECT_TRUE(readCalibration(folder / "film.json", "camera-response").ok());
 }
 
+TEST(CalibrateCli, ABracketIsMergedToLinearLight) {
+  const TempFolder folder;
+  // A ramp whose bright end clips in the longer exposure and whose dark end is noise-free in both.
+  Image shorter(64, 16, 3), longer(64, 16, 3);
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 64; ++x)
+      for (int c = 0; c < 3; ++c) {
+        const float light = 0.2f + 2.0f * static_cast<float>(x) / 63;
+        shorter.at(x, y, c) = 0.25f * light;
+        longer.at(x, y, c) = std::min(1.0f, light);
+      }
+  ASSERT_TRUE(writeExr(folder / "short.exr", shorter, {"R", "G", "B"}).ok());
+  ASSERT_TRUE(writeExr(folder / "long.exr", longer, {"R", "G", "B"}).ok());
+  const std::string out = folder / "merged.exr";
+  const Finished merged = cli({"calibrate", "merge", folder / "short.exr", folder / "long.exr", "--exposures",
+                               "0.25,1", "--out", out});
+  ASSERT_EQ(merged.status, 0) << merged.err;
+  const Result<Image> radiance = readExr(out, {"R", "G", "B"});
+  ASSERT_TRUE(radiance.ok());
+  for (const int x : {0, 20, 40, 63})
+    EXPECT_NEAR(radiance->at(x, 8, 1), 0.2f + 2.0f * static_cast<float>(x) / 63, 2e-3f) << x;
+  EXPECT_EQ(cli({"calibrate", "merge", folder / "short.exr", "--exposures", "1,2", "--out", out}).status, 2);
+}
+
+TEST(CalibrateCli, RechecksATileAndSaysWhenItsLightChanged) {
+  const TempFolder folder;
+  // Light that falls off a little, as a lamp's does.
+  const auto tileUnder = [](float light) {
+    Image tile(40, 30, 3);
+    for (int y = 0; y < 30; ++y)
+      for (int x = 0; x < 40; ++x)
+        for (int c = 0; c < 3; ++c) tile.at(x, y, c) = light * (1 - 0.001f * static_cast<float>(x + y));
+    return tile;
+  };
+  const Image tile = tileUnder(0.6f);
+  ASSERT_TRUE(writeExr(folder / "tile.exr", tile, {"R", "G", "B"}).ok());
+  const std::string white = folder / "white.json";
+  ASSERT_EQ(cli({"calibrate", "white", folder / "tile.exr", "--out", white}).status, 0);
+  const Finished same = cli({"calibrate", "recheck", white, folder / "tile.exr"});
+  EXPECT_EQ(same.status, 0) << same.err;
+  EXPECT_THAT(same.out, HasSubstr("Good: "));
+  const Image dimmer = tileUnder(0.55f);
+  ASSERT_TRUE(writeExr(folder / "dimmer.exr", dimmer, {"R", "G", "B"}).ok());
+  const Finished changed = cli({"calibrate", "recheck", white, folder / "dimmer.exr"});
+  EXPECT_EQ(changed.status, 3);
+  EXPECT_THAT(changed.out, HasSubstr("Not good: "));
+  EXPECT_EQ(cli({"calibrate", "recheck", white, folder / "tile.exr", folder / "tile.exr"}).status, 2);
+}
+
 }  // namespace
 }  // namespace patina
