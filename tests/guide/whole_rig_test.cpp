@@ -29,7 +29,7 @@ constexpr double kIntrinsics = 1e-3;
 constexpr double kScreenDeg = 0.2, kScreenMm = 0.5;
 constexpr double kEmission = 0.01;
 constexpr double kMapsWorse = 1.10;  ///< errors of the maps over those with the true calibration
-constexpr int kViews = 12, kStands = 20;
+constexpr int kViews = 15, kStands = 20;
 
 struct Medians {
   double diffuse = 0, normalDeg = 0, sigma = 0;
@@ -111,6 +111,9 @@ TEST_F(WholeRig, LeadsThroughCalibrationCaptureFitAndExplain) {
   constexpr int kPixels = 480;
   LiveRigSetup setup = LiveRig::desk("cardstock", kPixels, 960);
   setup.fullScaleSecond = 0.02;
+  // A webcam's lens: one that sees a few degrees only leaves its principal point uncertain, whatever the
+  // views.
+  setup.camera.intrinsics(0, 0) = setup.camera.intrinsics(1, 1) = 1.2 * kPixels;
   open(setup);
   if (HasFatalFailure()) return;
   click(find<QPushButton>("emptyCapture"));
@@ -120,6 +123,7 @@ TEST_F(WholeRig, LeadsThroughCalibrationCaptureFitAndExplain) {
   chooseDevices();
   if (HasFatalFailure()) return;
   lap("devices");
+  next();  // a linear camera's response need not be measured
 
   auto& board = step<CheckerboardStep>("Checkerboard");
   ASSERT_EQ(panel.steps()[static_cast<std::size_t>(panel.current())], &board);
@@ -149,7 +153,7 @@ TEST_F(WholeRig, LeadsThroughCalibrationCaptureFitAndExplain) {
         return mirror.sighting() && mirror.sighting()->found.size() == 2 &&
                mirror.sighting()->found[0].found && mirror.sighting()->found[1].found;
       },
-      120000))
+      40000))
       << mirror.said().toStdString();
   click(find<QPushButton>("mirror-take"));
   ASSERT_TRUE(idle());
