@@ -169,7 +169,7 @@ TEST_F(CalibrationSteps, MirrorFindsScreenAndCamera) {
                step->sighting()->found[1].found;
       },
       10000))
-      << "the boards are not seen" << panel_->grab().save("/tmp/calscratch/fail.png");
+      << "the boards are not seen";
   keepPictures("rig_mirror");
   click("mirror-take");
   ASSERT_TRUE(idle());
