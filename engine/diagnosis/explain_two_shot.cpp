@@ -160,7 +160,11 @@ class Explainer {
         const SurfaceTrial::Found found = trial.search(candidate, job_);
         attempt.errors = found.errors, attempt.value = found.value, attempt.deviation = found.deviation;
         if (found.errors.fit < kWorthWeighing * without.fit)
-          attempt.outcome = search_->weigh(candidate, attempt.value);
+          attempt.outcome = search_->refineFrom(candidate, attempt.value);
+        if (attempt.outcome.tried) {
+          attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;
+          attempt.errors = trial.errors(attempt.deviation);
+        }
       } else if (candidate.heldOnly) {
         attempt.outcome = search_->heldFactors(candidate);
         attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;
@@ -268,8 +272,8 @@ class Explainer {
     attempt.candidate = static_cast<std::size_t>(candidate - candidates_.begin());
     attempt.surface = true;
     attempt.deviation = search_->accepted();
-    attempt.deviation.correction =
-        model_->correction(search_->mapped(), search_->conditioned(), search_->basis());
+    attempt.deviation.correction = model_->correction(search_->mapped(), search_->basis());
+    if (!attempt.deviation.correction) return;
     double squares = 0;
     for (const HalfDiffAngles& angles : search_->mapped().angles)
       squares += attempt.deviation.correction->lnFactor(angles).square().mean() /
