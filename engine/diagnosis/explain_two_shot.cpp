@@ -24,12 +24,10 @@ namespace patina {
 namespace {
 
 /// Rows a photograph: enough for a highlight, few enough for a covariance of all of them.
-constexpr int kRowsPerShot = 110;
+constexpr int kRowsPerShot = 80;
 /// Gained by a rough fit before a thorough one is worth its time.
 constexpr double kWorthRefining = 3;
 constexpr int kRefined = 5;
-/// A lobe's evidence is worth its time where the fitted photographs' error falls to this share.
-constexpr double kWorthWeighing = 0.8;
 /// Within this share of the best one's gain, another explanation is as good.
 constexpr double kAlike = 0.12;
 /// Share of a sample's pixels that must be clipped before it is told.
@@ -159,12 +157,6 @@ class Explainer {
       if (attempt.surface) {
         const SurfaceTrial::Found found = trial.search(candidate, job_);
         attempt.errors = found.errors, attempt.value = found.value, attempt.deviation = found.deviation;
-        if (found.errors.fit < kWorthWeighing * without.fit)
-          attempt.outcome = search_->refineFrom(candidate, attempt.value);
-        if (attempt.outcome.tried) {
-          attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;
-          attempt.errors = trial.errors(attempt.deviation);
-        }
       } else if (candidate.heldOnly) {
         attempt.outcome = search_->heldFactors(candidate);
         attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -33,6 +34,10 @@ constexpr double kSmallestPart = 1e-4, kLargestPart = 2;
 /// What a photograph's own value is off by, relative: averages over blocks, the grid's interpolation, 16-bit
 /// files.
 constexpr double kPixelError = 0.004;
+/// Sizes where a search may begin: white, rough and smooth deviations explain a misfit nearly alike, so that
+/// a search from one of them ends there.
+constexpr std::array<BasisDeviation::Part, 5> kPlaces{
+    {{0.002, 0.01, 0.3}, {0.002, 0.02, 1}, {0.01, 0.1, 0.5}, {0.005, 0.4, 0.3}, {0.03, 0.01, 0.3}}};
 /// The broad deviations' reach over that of the fine ones.
 constexpr double kFineFaster = 3;
 /// Share of what was seen below which the rest beside a lobe is not taken by its logarithm any more.
@@ -365,24 +370,24 @@ BasisDeviation TwoShotModel::fitDeviation(const MappedRows& rows, const BasisDev
       return ln + lnPriorOf(tried, median);
     };
     double at = value(part);
-    if (const double middle = value(median); middle > at) at = middle, part = median;
-    // Coordinates in turn, in steps that halve: three sizes, each to a tenth of its logarithm's prior.
+    std::vector<BasisDeviation::Part> places{median};
+    if (firstStep >= 1) places.insert(places.end(), kPlaces.begin(), kPlaces.end());
+    for (const BasisDeviation::Part& place : places)
+      if (const double there = value(place); there > at) at = there, part = place;
+    // In steps that halve, each size by itself, and white against rough: the two stand for each other.
+    constexpr std::array<std::array<double, 3>, 8> kMoves{
+        {{1, 0, 0}, {-1, 0, 0}, {0, 0, 1}, {0, 0, -1}, {0, 1, 0}, {0, -1, 0}, {-1, 0.5, 0}, {1, -0.5, 0}}};
     for (double step = firstStep; step > 0.12 && !job.cancelled(); step /= 2) {
       bool moved = true;
       for (int round = 0; round < 8 && moved; ++round) {
         moved = false;
-        for (double BasisDeviation::Part::*size :
-             {&BasisDeviation::Part::grain, &BasisDeviation::Part::broad, &BasisDeviation::Part::fine}) {
-          for (const double direction : {1.0, -1.0}) {
-            BasisDeviation::Part tried = part;
-            tried.*size *= std::exp(direction * step);
-            if (tried.*size > kLargestPart || tried.*size < kSmallestPart) continue;
-            const double found = value(tried);
-            if (found > at + 0.01) {
-              at = found, part = tried, moved = true;
-              break;
-            }
-          }
+        for (const std::array<double, 3>& move : kMoves) {
+          const auto within = [&](double size, double by) {
+            return std::clamp(size * std::exp(by * step), kSmallestPart, kLargestPart);
+          };
+          const BasisDeviation::Part tried{within(part.grain, move[0]), within(part.fine, move[1]),
+                                           within(part.broad, move[2])};
+          if (const double found = value(tried); found > at + 0.01) at = found, part = tried, moved = true;
         }
       }
     }

@@ -21,6 +21,8 @@ constexpr int kSteps = 12, kRounds = 5;
 constexpr double kIndependentBlocks = 30;
 /// ln odds below which a held-out photograph's own factor is none.
 constexpr double kHeldFactorGain = 4;
+/// Of the places where a candidate's search may begin, so many are followed.
+constexpr std::size_t kStartsFollowed = 2;
 /// First step of the search for the deviations' sizes when held-out photographs join.
 constexpr double kHeldStep = 0.6;
 /// Step of the numerical derivatives, in prior standard deviations.
@@ -335,21 +337,24 @@ TrialOutcome TwoShotSearch::look(const TwoShotCandidate& candidate) const {
   TrialOutcome best;
   for (const bool near : {false, true}) {
     const BasisDeviation basis = near ? BasisDeviation{} : basis_;
-    double highest = kNever;
-    VectorXd start = candidate.starts.front();
-    for (const VectorXd& place : candidate.starts) {
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t i = 0; i < candidate.starts.size(); ++i) {
       if (job_.cancelled() || candidate.starts.size() == 1) break;
       TwoShotDeviation there = deviation_;
-      candidate.apply(place, there);
+      candidate.apply(candidate.starts[i], there);
       const double value = model_.condition(model_.map(fitted_, there, &mapped_), basis).lnLikelihood +
-                           aroundLn(there, nullptr) + lnPrior(candidate, place);
-      if (value > highest) highest = value, start = place;
+                           aroundLn(there, nullptr) + lnPrior(candidate, candidate.starts[i]);
+      if (std::isfinite(value)) order.emplace_back(-value, i);
     }
     if (near && candidate.starts.size() == 1) break;
-    TrialOutcome outcome = from(candidate, start, basis, 0);
-    const double score = std::max(best.score, outcome.score);
-    if (outcome.tried && (!best.tried || outcome.lnEvidence > best.lnEvidence)) best = std::move(outcome);
-    best.score = score;
+    std::sort(order.begin(), order.end());
+    if (order.empty()) order.emplace_back(0, 0);
+    for (std::size_t k = 0; k < std::min(order.size(), kStartsFollowed); ++k) {
+      TrialOutcome outcome = from(candidate, candidate.starts[order[k].second], basis, 0);
+      const double score = std::max(best.score, outcome.score);
+      if (outcome.tried && (!best.tried || outcome.lnEvidence > best.lnEvidence)) best = std::move(outcome);
+      best.score = score;
+    }
   }
   return best;
 }
@@ -358,16 +363,6 @@ TrialOutcome TwoShotSearch::refine(const TwoShotCandidate& candidate, const Tria
   TrialOutcome outcome = from(candidate, start.value, start.basis, kRounds);
   outcome.score = start.score;
   return outcome;
-}
-
-TrialOutcome TwoShotSearch::refineFrom(const TwoShotCandidate& candidate, const VectorXd& value) const {
-  TrialOutcome best;
-  // As with `look`: what the effect did is not in the material's distance any more.
-  for (const BasisDeviation& basis : {basis_, BasisDeviation{}}) {
-    TrialOutcome outcome = from(candidate, value, basis, kRounds);
-    if (outcome.tried && (!best.tried || outcome.lnEvidence > best.lnEvidence)) best = std::move(outcome);
-  }
-  return best;
 }
 
 TrialOutcome TwoShotSearch::heldFactors(const TwoShotCandidate& candidate) const {
