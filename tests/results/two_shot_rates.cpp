@@ -106,7 +106,9 @@ nlohmann::json evidenceJson(const TwoShotEvidence& e) {
           {"wholeFit", e.wholeFitRatio}};
 }
 
-TwoShotEvidence evidenceOfJson(const nlohmann::json& line) {
+TwoShotEvidence evidenceOfJson(nlohmann::json line) {
+  // What isn't finite was written as null: it says nothing.
+  for (auto it = line.begin(); it != line.end();) it = it->is_null() ? line.erase(it) : std::next(it);
   TwoShotEvidence e;
   e.id = line.value("id", ""), e.variant = line.value("variant", "");
   e.surface = line.value("surface", false), e.lobe = line.value("lobe", false);
