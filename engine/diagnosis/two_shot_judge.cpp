@@ -9,8 +9,9 @@
 namespace patina {
 namespace {
 
-/// ln odds against "nothing is missing" from which an effect is named, at the usual false-alarm rate.
-constexpr double kNamed = 1, kUsualRate = 0.01;
+/// ln odds against "nothing is missing" from which an effect is named, at the usual false-alarm rate: the
+/// more probable answer.
+constexpr double kNamed = 0, kUsualRate = 0.01;
 /// ln odds of what can't be an answer.
 constexpr double kNothing = -20;
 /// Of what the best attempt explains of the surroundings, this share may be missed.
@@ -20,6 +21,8 @@ constexpr double kSmallestReach = 0.002;
 /// A second effect must make held-out photographs better by this: the first one's leftovers look like
 /// effects.
 constexpr double kFurtherHeld = 0.93;
+/// The held-out photographs' error may grow by this and no more; from here it is plainly smaller.
+constexpr double kWorseHeld = 1.03, kPlainly = 0.8;
 /// ln of the odds that the surroundings may lose, and at which they have spoken.
 constexpr double kSpeaksAgainst = 5, kAroundSpeaks = 15;
 /// A free-form correction must take this off the held-out photographs' error, and make this share of them
@@ -114,11 +117,18 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   const bool against = e.lnAround < -kSpeaksAgainst;
   // The first effect's leftovers look like effects.
   const bool further = by.round == 0 || e.lnAround > kAroundSpeaks || e.heldRatio < kFurtherHeld;
-  out.passes = out.gain > needed && !misses && !against && further;
+  // Held-out photographs that lose plainly refuse; a process' bounds alone don't outweigh plainly better
+  // pictures.
+  const bool heldLose = e.held && !e.lobe && !e.heldOnly && e.lnAround <= kAroundSpeaks &&
+                        (e.heldRatio > kWorseHeld || (e.lnHeld < 0 && e.heldRatio > kPlainly));
+  const bool lobeLoses = e.held && e.lobe && e.heldSees && e.heldRatio >= 1;
+  out.passes = out.gain > needed && !misses && !against && further && !heldLose && !lobeLoses;
   if (misses) {
     out.text = "it doesn't explain what lies around the sample, which is lit and photographed like it";
   } else if (against) {
     out.text = "what lies around the sample speaks against it";
+  } else if (out.gain > needed && (heldLose || lobeLoses)) {
+    out.text = "it explains the fitted photographs, but the held-out ones speak against it";
   } else if (!further) {
     out.text = "what the first effect leaves over explains as much";
   } else if (e.lobe) {
