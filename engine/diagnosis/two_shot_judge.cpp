@@ -12,6 +12,8 @@ namespace {
 /// ln odds against "nothing is missing" from which an effect is named, at the usual false-alarm rate: the
 /// more probable answer.
 constexpr double kNamed = 0, kUsualRate = 0.01;
+/// ln odds of the process, beyond the number of effects tried over the false-alarm rate, for its own faults.
+constexpr double kModelDoubt = 8;
 /// ln odds of what can't be an answer.
 constexpr double kNothing = -20;
 /// Of what the best attempt explains of the surroundings, this share may be missed.
@@ -121,12 +123,18 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
   // pictures.
   const bool heldLose = e.held && !e.lobe && !e.heldOnly && e.lnAround <= kAroundSpeaks &&
                         (e.heldRatio > kWorseHeld || (e.lnHeld < 0 && e.heldRatio > kPlainly));
+  // However much better the pictures look: chance among so many effects must be excluded.
+  const bool chance = !e.lobe && !e.heldOnly &&
+                      e.lnEvidence + e.lnHeld < kModelDoubt + std::log(static_cast<double>(by.tried) /
+                                                                       std::max(by.falseAlarmRate, 1e-6));
   const bool lobeLoses = e.held && e.lobe && e.heldSees && e.heldRatio >= 1;
-  out.passes = out.gain > needed && !misses && !against && further && !heldLose && !lobeLoses;
+  out.passes = out.gain > needed && !misses && !against && further && !heldLose && !lobeLoses && !chance;
   if (misses) {
     out.text = "it doesn't explain what lies around the sample, which is lit and photographed like it";
   } else if (against) {
     out.text = "what lies around the sample speaks against it";
+  } else if (out.gain > needed && chance) {
+    out.text = "the evidence for it is no more than chance may give";
   } else if (out.gain > needed && (heldLose || lobeLoses)) {
     out.text = "it explains the fitted photographs, but the held-out ones speak against it";
   } else if (!further) {
