@@ -31,6 +31,8 @@ constexpr double kWorthRefining = 3;
 constexpr int kRefined = 5;
 /// Another explanation that has this share of the best one's probability is not told from it.
 constexpr double kAlike = 0.15;
+/// One answer's errors over another's, fitted and held out, from which it comes first.
+constexpr double kFarBetter = 0.8;
 /// ln odds of what is no answer.
 constexpr double kNoAnswer = -50;
 /// Most that is claimed, and what is claimed of the answer that what is missing has no name.
@@ -212,11 +214,22 @@ class Explainer {
   /// The attempt with the most evidence with which the whole reconstruction, all photographs and pixels, also
   /// predicts better; null: none. `after` becomes that reconstruction.
   const Attempt* chosen(std::vector<Attempt>& attempts, TwoShotFitPtr& after) {
+    // What another answer predicts far better, fitted and held-out photographs alike, comes after it; what
+    // the surroundings show stands by itself.
+    const auto outdone = [&](const Attempt& a) {
+      return std::any_of(attempts.begin(), attempts.end(), [&](const Attempt& b) {
+        return b.verdict.passes && a.evidence.lnAround <= 0 && a.evidence.held &&
+               b.evidence.fitRatio < kFarBetter * a.evidence.fitRatio &&
+               b.evidence.heldRatio < kFarBetter * a.evidence.heldRatio;
+      });
+    };
     while (!job_.cancelled()) {
+      const auto rank = [&](const Attempt& a) {
+        return a.verdict.passes ? a.verdict.gain - (outdone(a) ? 1e3 : 0) : -1e9;
+      };
       const auto best =
-          std::max_element(attempts.begin(), attempts.end(), [](const Attempt& a, const Attempt& b) {
-            return (a.verdict.passes ? a.verdict.gain : -1e9) < (b.verdict.passes ? b.verdict.gain : -1e9);
-          });
+          std::max_element(attempts.begin(), attempts.end(),
+                           [&](const Attempt& a, const Attempt& b) { return rank(a) < rank(b); });
       if (best == attempts.end() || !best->verdict.passes) return nullptr;
       if (proven(*best, after)) return &*best;
     }

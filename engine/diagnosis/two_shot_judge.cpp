@@ -32,7 +32,7 @@ constexpr double kSpeaksAgainst = 5, kAroundSpeaks = 15;
 constexpr double kFreeHeld = 0.8, kFreeBetter = 0.7;
 /// The whole reconstruction must gain this with a free correction, with a term of the surface and with an
 /// effect of the set-up; where the surroundings have spoken it must not lose more than the last.
-constexpr double kWholeFree = 0.6, kWholeSurface = 0.97, kWholeSetUp = 0.97, kWholeAround = 1.1;
+constexpr double kWholeFree = 0.6, kWholeSurface = 0.88, kWholeSetUp = 0.97, kWholeAround = 1.1;
 /// A lobe that takes this off the fitted photographs' error of the whole reconstruction need not help others.
 constexpr double kWholeLobeFit = 0.5;
 

@@ -28,6 +28,8 @@ EvidenceFeatures featuresOf(const TwoShotEvidence& e, double around) {
   const double fit = gainOf(e.fitRatio), held = e.held ? gainOf(e.heldRatio) : 0;
   const double better = e.held ? e.heldBetter - 0.5 : 0;
   if (e.lobe) {
+    // A lobe towards the light has no rival among materials; one around the mirror direction has many.
+    x[13] = e.id == "retroreflection";
     x[0] = 1, x[1] = fit, x[2] = held, x[3] = better;
   } else if (e.heldOnly) {
     // Of one photograph alone: nothing else can be better for it.
@@ -105,11 +107,12 @@ EvidenceFeatures fitEvidenceWeights(const std::vector<WeighedCapture>& captures,
 EvidenceFeatures evidenceWeightsBefore() {
   EvidenceFeatures w;
   // Lobes: none, fitted, held out, share. Held-out factors: none, evidence. Others: none, fitted and
-  // held-out evidence, errors, share. Surroundings: explained, missed.
+  // held-out evidence, errors, share. Surroundings: explained, missed. A lobe towards the light: more.
   w << -3, 1.5, 1.5, 1,  //
       -4, 1,             //
       -4, 1, 1, 1, 1,    //
-      1, 1;
+      1, 1,              //
+      0;
   return w;
 }
 
@@ -118,10 +121,11 @@ const EvidenceFeatures& evidenceWeights() {
   // then --weigh); those with saturation alone are left out.
   static const EvidenceFeatures weights = [] {
     EvidenceFeatures w;
-    w << -2.920, 1.967, 0.875, 0.620,        //
-        -2.297, 0.713,                       //
-        -2.844, 1.504, 0.145, 1.533, 1.024,  //
-        1.332, 0.933;
+    w << -2.969, 1.895, 0.850, 0.577,        //
+        -2.296, 0.714,                       //
+        -2.840, 1.514, 0.150, 1.528, 1.016,  //
+        1.333, 0.936,                        //
+        0.730;
     return w;
   }();
   return weights;

@@ -10,7 +10,7 @@ namespace patina {
 /// What an attempt's evidence comes to, as numbers that a weighted sum turns into ln odds against "nothing is
 /// missing". Odds of hundreds are compressed to their logarithm: what a process says of thousands of
 /// correlated rows is right in its sign and order, not in its size.
-inline constexpr int kEvidenceFeatures = 13;
+inline constexpr int kEvidenceFeatures = 14;
 using EvidenceFeatures = Eigen::Matrix<double, kEvidenceFeatures, 1>;
 
 /// `around`: the most that any attempt of the round explains of the surroundings, ln odds.
