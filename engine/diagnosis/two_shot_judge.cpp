@@ -14,6 +14,10 @@ namespace {
 constexpr double kNamed = 0, kUsualRate = 0.01;
 /// ln odds of the process, beyond the number of effects tried over the false-alarm rate, for its own faults.
 constexpr double kModelDoubt = 8;
+/// A lobe is shown where it takes this off the error of the photographs that were fitted and of those held
+/// out, of this share of them; without any held out, the third bound is for the fitted ones. ln odds of it
+/// then.
+constexpr double kLobeFit = 0.45, kLobeHeld = 0.9, kLobeFitAlone = 0.35, kLobeShare = 0.6, kLobeShown = 3;
 /// ln odds of what can't be an answer.
 constexpr double kNothing = -20;
 /// Of what the best attempt explains of the surroundings, this share may be missed.
@@ -113,6 +117,13 @@ TwoShotVerdict judge(const TwoShotEvidence& e, const JudgedBy& by) {
     return out;
   }
   out.gain = lnOddsOf(e, by.around);
+  // Few drawn captures hold a lobe that the held-out photographs don't look at: what the weights know too
+  // little of is decided by what a person gets.
+  const bool shown = e.lobe && by.around <= kAroundSpeaks &&
+                     (e.held ? e.fitRatio <= kLobeFit && e.heldRatio <= (e.heldSees ? kLobeHeld : 1) &&
+                                   (!e.heldSees || e.heldBetter >= kLobeShare)
+                             : e.fitRatio <= kLobeFitAlone);
+  if (shown) out.gain = std::max(out.gain, kLobeShown);
   const double needed = kNamed + std::log(kUsualRate / std::max(by.falseAlarmRate, 1e-6));
   // The surroundings know nothing of the material: what explains the photographs must explain them too.
   const bool misses = by.around > kAroundSpeaks && e.lnAround < (1 - kAroundShare) * by.around - 10;
