@@ -13,6 +13,7 @@
 #include "engine/diagnosis/explain_kinds.h"
 #include "engine/diagnosis/two_shot_explain.h"
 #include "engine/diagnosis/two_shot_judge.h"
+#include "engine/diagnosis/two_shot_odds.h"
 #include "engine/diagnosis/two_shot_residual.h"
 #include "engine/diagnosis/two_shot_search.h"
 #include "engine/diagnosis/two_shot_surface.h"
@@ -24,14 +25,18 @@ namespace patina {
 namespace {
 
 /// Rows a photograph: enough for a highlight, few enough for a covariance of all of them.
-constexpr int kRowsPerShot = 110;
+constexpr int kRowsPerShot = 80;
 /// Gained by a rough fit before a thorough one is worth its time.
 constexpr double kWorthRefining = 3;
 constexpr int kRefined = 5;
-/// A lobe's evidence is worth its time where the fitted photographs' error falls to this share.
-constexpr double kWorthWeighing = 0.8;
-/// Within this share of the best one's gain, another explanation is as good.
-constexpr double kAlike = 0.12;
+/// Another explanation that has this share of the best one's probability is not told from it.
+constexpr double kAlike = 0.15;
+/// One answer's errors over another's, fitted and held out, from which it comes first.
+constexpr double kFarBetter = 0.8;
+/// ln odds of what is no answer.
+constexpr double kNoAnswer = -50;
+/// Most that is claimed, and what is claimed of the answer that what is missing has no name.
+constexpr double kMostConfidence = 0.98, kFreeConfidence = 0.6;
 /// Share of a sample's pixels that must be clipped before it is told.
 constexpr double kClippedShare = 0.003;
 
@@ -159,8 +164,6 @@ class Explainer {
       if (attempt.surface) {
         const SurfaceTrial::Found found = trial.search(candidate, job_);
         attempt.errors = found.errors, attempt.value = found.value, attempt.deviation = found.deviation;
-        if (found.errors.fit < kWorthWeighing * without.fit)
-          attempt.outcome = search_->weigh(candidate, attempt.value);
       } else if (candidate.heldOnly) {
         attempt.outcome = search_->heldFactors(candidate);
         attempt.value = attempt.outcome.value, attempt.deviation = attempt.outcome.deviation;
@@ -192,12 +195,12 @@ class Explainer {
       job_.progress("refit", ++refined, static_cast<std::int64_t>(order.size()), "effects");
     });
     double around = 0;
-    // First each by itself, then beside what the best of those explains of the surroundings.
+    // Each beside what the best of those that may be an answer explains of the surroundings.
     JudgedBy by{candidates_.size(), options_.falseAlarmRate, round, 0};
     for (Attempt& attempt : attempts) {
       attempt.evidence = evidenceOf(candidates_[attempt.candidate], attempt, without, data_.shots);
       if (attempt.surface) attempt.evidence.heldSees = trial.heldSees(attempt.deviation);
-      if (judge(attempt.evidence, by).passes) around = std::max(around, attempt.evidence.lnAround);
+      if (answerable(attempt.evidence)) around = std::max(around, attempt.evidence.lnAround);
     }
     by.around = around;
     for (Attempt& attempt : attempts) attempt.verdict = judge(attempt.evidence, by);
@@ -211,11 +214,22 @@ class Explainer {
   /// The attempt with the most evidence with which the whole reconstruction, all photographs and pixels, also
   /// predicts better; null: none. `after` becomes that reconstruction.
   const Attempt* chosen(std::vector<Attempt>& attempts, TwoShotFitPtr& after) {
+    // What another answer predicts far better, fitted and held-out photographs alike, comes after it; what
+    // the surroundings show stands by itself.
+    const auto outdone = [&](const Attempt& a) {
+      return std::any_of(attempts.begin(), attempts.end(), [&](const Attempt& b) {
+        return b.verdict.passes && a.evidence.lnAround <= 0 && a.evidence.held &&
+               b.evidence.fitRatio < kFarBetter * a.evidence.fitRatio &&
+               b.evidence.heldRatio < kFarBetter * a.evidence.heldRatio;
+      });
+    };
     while (!job_.cancelled()) {
+      const auto rank = [&](const Attempt& a) {
+        return a.verdict.passes ? a.verdict.gain - (outdone(a) ? 1e3 : 0) : -1e9;
+      };
       const auto best =
-          std::max_element(attempts.begin(), attempts.end(), [](const Attempt& a, const Attempt& b) {
-            return (a.verdict.passes ? a.verdict.gain : -1e9) < (b.verdict.passes ? b.verdict.gain : -1e9);
-          });
+          std::max_element(attempts.begin(), attempts.end(),
+                           [&](const Attempt& a, const Attempt& b) { return rank(a) < rank(b); });
       if (best == attempts.end() || !best->verdict.passes) return nullptr;
       if (proven(*best, after)) return &*best;
     }
@@ -268,8 +282,8 @@ class Explainer {
     attempt.candidate = static_cast<std::size_t>(candidate - candidates_.begin());
     attempt.surface = true;
     attempt.deviation = search_->accepted();
-    attempt.deviation.correction =
-        model_->correction(search_->mapped(), search_->conditioned(), search_->basis());
+    attempt.deviation.correction = model_->correction(search_->mapped(), search_->basis());
+    if (!attempt.deviation.correction) return;
     double squares = 0;
     for (const HalfDiffAngles& angles : search_->mapped().angles)
       squares += attempt.deviation.correction->lnFactor(angles).square().mean() /
@@ -283,26 +297,25 @@ class Explainer {
     if (rounds_) rounds_->push_back({attempt.evidence});
     if (attempt.verdict.passes && proven(attempt, after)) {
       taken.insert(candidate->id);
-      confidence_[candidate->id] = confidenceOf(attempt.evidence, attempt.verdict.gain);
+      confidence_[candidate->id] = kFreeConfidence;
       search_->accept(attempt.deviation);
       added.push_back(attempt);
     }
     last_.push_back(std::move(attempt));
   }
 
-  /// Explanations as good as the best one make a group, and photographs that would decide are suggested.
+  /// Explanations that the photographs hardly tell from the best one make a group, and photographs that would
+  /// decide are suggested. Confidence is the probability of the group among all answers.
   void confuse(const Attempt& best, const std::vector<Attempt>& attempts) {
     const std::string& id = candidates_[best.candidate].id;
+    std::vector<double> odds;
+    for (const Attempt& attempt : attempts)
+      odds.push_back(attempt.verdict.answers ? attempt.verdict.gain : kNoAnswer);
+    const std::vector<double> probability = probabilitiesOf(odds);
+    std::map<std::string, double> share;
+    for (std::size_t i = 0; i < attempts.size(); ++i)
+      share[candidates_[attempts[i].candidate].id] += probability[i];
     std::vector<std::string> group{id};
-    double runnerUp = 0;
-    for (const Attempt& other : attempts) {
-      const std::string& otherId = candidates_[other.candidate].id;
-      if (otherId == id || !other.verdict.passes) continue;
-      runnerUp = std::max(runnerUp, other.verdict.gain);
-      if (other.verdict.gain > (1 - kAlike) * best.verdict.gain && group.size() < 2 && !best.surface &&
-          !other.surface)
-        group.push_back(otherId);
-    }
     const auto alias = [&](const char* a, const char* b) {
       if (id == a && group.size() < 2) group.emplace_back(b);
     };
@@ -310,11 +323,20 @@ class Explainer {
     for (const TwoShotCandidate& candidate : candidates_)
       if (candidate.id == "black-level" && !candidate.unobservable.empty())
         alias("stray-light", "black-level");
+    if (group.size() < 2) {
+      std::string rival;
+      for (const auto& [other, p] : share)
+        if (other != id && p > kAlike * share[id] && (rival.empty() || p > share[rival])) rival = other;
+      if (!rival.empty()) group.push_back(rival);
+    }
     if (group.size() > 1) {
       out_->confusable.push_back(group);
       out_->suggest.push_back({group[0], group[1], decidingCapture(group[0], group[1]), 0});
     }
-    confidence_[id] = confidenceOf(best.evidence, best.verdict.gain - (group.size() > 1 ? 0 : runnerUp));
+    double confidence = 0;
+    for (const std::string& member : group)
+      if (share.contains(member)) confidence += share[member];
+    confidence_[id] = std::clamp(confidence, 0.0, kMostConfidence);
   }
 
   Result<TwoShotFitPtr> refit(const TwoShotDeviation& deviation, const TwoShotFitPtr& without) {

@@ -14,6 +14,10 @@ constexpr double kDegree = std::numbers::pi / 180;
 /// half-vector comes this near to the normal.
 constexpr double kRetroWithinDeg = 14, kCoatWithinDeg = 25;
 constexpr std::size_t kFewestRows = 12;
+/// Tilts are looked for from places this far apart, in so many rings: a glossy plastic's highlight is about a
+/// degree wide.
+constexpr double kTiltStepDeg = 0.5;
+constexpr int kTiltRings = 8;
 
 TwoShotCandidate made(const char* id, const char* variant,
                       std::vector<TwoShotCandidate::Parameter> parameters,
@@ -66,10 +70,11 @@ void setUp(const TwoShotCapture& capture, const DiagnosisData& data, std::vector
            {{"aboutXDeg", "degrees", 0, 1.5, false, ""}, {"aboutYDeg", "degrees", 0, 1.5, false, ""}},
            [](const VectorXd& p, TwoShotDeviation& d) { d.tiltDeg += p.head<2>(); });
   // A narrow highlight that has moved by more than its width has no slope to follow: places all around.
-  for (const double deg : {0.7, 1.5, 2.5, 4.0}) {
-    for (int turn = 0; turn < 8; ++turn)
-      tilt.starts.push_back(deg * Eigen::Vector2d(std::cos(turn * std::numbers::pi / 4),
-                                                  std::sin(turn * std::numbers::pi / 4)));
+  for (int ring = 1; ring <= kTiltRings; ++ring) {
+    for (int turn = 0; turn < 6 * ring; ++turn) {
+      const double angle = turn * std::numbers::pi / (3 * ring);
+      tilt.starts.push_back(ring * kTiltStepDeg * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    }
   }
   list.push_back(std::move(tilt));
   double distance = 0;

@@ -15,7 +15,6 @@ struct TwoShotEvidence {
   bool surface = false;   ///< a term of the material
   bool lobe = false;      ///< one that was judged by the reconstruction alone
   bool free = false;      ///< the free-form correction
-  bool ownShot = false;   ///< a factor of single photographs, which held-out ones don't share
   bool heldOnly = false;  ///< of held-out photographs alone
   bool refined = false;   ///< the thorough fit was made, so that the ratios are known
   bool heldSees = true;   ///< held-out photographs look where a lobe is most of the light
@@ -37,7 +36,8 @@ struct TwoShotEvidence {
 /// What became of it.
 struct TwoShotVerdict {
   bool passes = false;
-  double gain = 0;  ///< ln odds, for a lobe those that the errors are worth
+  bool answers = false;  ///< it is an answer at all: these photographs can tell it, its strength makes sense
+  double gain = 0;       ///< ln odds against "nothing is missing", calibrated (two_shot_odds.h)
   std::string text;
 };
 
@@ -68,8 +68,8 @@ TwoShotEvidence evidenceOf(const TwoShotCandidate& candidate, const Attempt& att
 /// Whether it may be added.
 TwoShotVerdict judge(const TwoShotEvidence& evidence, const JudgedBy& by);
 
-/// That it is the right answer. `margin`: ln odds over the second best.
-double confidenceOf(const TwoShotEvidence& evidence, double margin);
+/// Whether these photographs can tell it at all, and its strength makes sense.
+bool answerable(const TwoShotEvidence& evidence);
 
 /// Takes a verdict back where the whole reconstruction is not better for it.
 void verifyWhole(const TwoShotEvidence& evidence, TwoShotVerdict& verdict);

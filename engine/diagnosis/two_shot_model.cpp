@@ -2,13 +2,17 @@
 
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
 #include "engine/base/dense.h"
 #include "engine/twoshot/mapping.h"
+#include "engine/twoshot/metric.h"
 
 namespace patina {
 namespace {
@@ -30,8 +34,54 @@ constexpr double kSmallestPart = 1e-4, kLargestPart = 2;
 /// What a photograph's own value is off by, relative: averages over blocks, the grid's interpolation, 16-bit
 /// files.
 constexpr double kPixelError = 0.004;
+/// Sizes where a search may begin: white, rough and smooth deviations explain a misfit nearly alike, so that
+/// a search from one of them ends there.
+constexpr std::array<BasisDeviation::Part, 5> kPlaces{
+    {{0.002, 0.01, 0.3}, {0.002, 0.02, 1}, {0.01, 0.1, 0.5}, {0.005, 0.4, 0.3}, {0.03, 0.01, 0.3}}};
+/// The broad deviations' reach over that of the fine ones.
+constexpr double kFineFaster = 3;
 /// Share of what was seen below which the rest beside a lobe is not taken by its logarithm any more.
 constexpr double kSmallestShare = 0.05;
+
+/// Accuracy, natural-log units, to which the other materials are asked to give each of the basis' own, of
+/// kEtaRows independent directions.
+constexpr double kMissedAccuracy = 0.05;
+/// Share of the typical deviation that is expected everywhere.
+constexpr double kUnlikeFloor = 0.3;
+
+/// Covariance of the deviations between two sets of rows; `column`: 0 brightness, 1 colour. Matern of order
+/// 3/2 over the broad reach, of order 1/2 over the fine one, no white part.
+MatrixXd deviationCovariance(const MappedRows& a, const MappedRows& b, Index column,
+                             const BasisDeviation::Part& part) {
+  MatrixXd out(a.size(), b.size());
+  const double broad = part.broad * part.broad, fine = part.fine * part.fine;
+  tbb::parallel_for(Index{0}, b.size(), [&](Index j) {
+    for (Index i = 0; i < a.size(); ++i) {
+      const double far = (a.place.row(i) - b.place.row(j)).norm();
+      double sum = 0;
+      if (broad > 0) sum += broad * (1 + std::sqrt(3.0) * far) * std::exp(-std::sqrt(3.0) * far);
+      if (fine > 0) sum += fine * std::exp(-kFineFaster * far);
+      out(i, j) = sum * a.unlike(i, column) * b.unlike(j, column);
+    }
+  });
+  return out;
+}
+
+/// Variance of what is white in the deviations.
+VectorXd grainVariance(const MappedRows& rows, Index column, const BasisDeviation::Part& part) {
+  return (part.grain * rows.unlike.col(column).array()).square();
+}
+
+VectorXd noiseOf(const MappedRows& rows, Index column) {
+  if (column == 0) return rows.noise.col(0);
+  return rows.noise.rightCols(2).rowwise().mean();
+}
+
+MatrixXd lobeOf(const MappedRows& rows, Index column) {
+  MatrixXd out = rows.lobe;
+  if (out.size() > 0) out = rows.lobe.middleCols(column, column == 0 ? 1 : 2).eval();
+  return out;
+}
 
 /// Adds the covariance that the guessed shape of an added lobe brings: smooth over a half of the broad reach.
 void addLobeCovariance(const MatrixXd& place, const MatrixXd& lobe, MatrixXd& out) {
@@ -45,13 +95,13 @@ void addLobeCovariance(const MatrixXd& place, const MatrixXd& lobe, MatrixXd& ou
   });
 }
 
-MatrixXd covariance(const MatrixXd& place, const MatrixXd& root, const VectorXd& noise, const MatrixXd& lobe,
-                    const BasisDeviation::Part& part) {
-  MatrixXd out = smoothCovariance(place, place, part);
-  addLobeCovariance(place, lobe, out);
+/// `column`: 0 brightness, 1 colour.
+MatrixXd covariance(const MappedRows& rows, Index column, bool withLobe, const BasisDeviation::Part& part) {
+  MatrixXd out = deviationCovariance(rows, rows, column, part);
+  if (withLobe) addLobeCovariance(rows.place, lobeOf(rows, column), out);
+  const MatrixXd& root = column == 0 ? rows.brightness : rows.colour;
   multiply(root, false, root, true, out, 1, 1);
-  out.diagonal() += noise;
-  out.diagonal().array() += part.grain * part.grain;
+  out.diagonal() += noiseOf(rows, column) + grainVariance(rows, column, part);
   return out;
 }
 
@@ -90,16 +140,36 @@ double lnPriorOf(const BasisDeviation::Part& part, const BasisDeviation::Part& m
 TwoShotModel::TwoShotModel(BasisPtr basis) : basis_(std::move(basis)) {
   const MatrixXd& columns = basis_->columnCoefficients();
   const Index materials = columns.cols() / 3;
-  brightness_.resize(columns.rows(), materials);
-  colour_.resize(columns.rows(), 2 * materials);
   const Eigen::Matrix3d& mix = channelCombinations();
   const double root = 1 / std::sqrt(static_cast<double>(materials));
-  for (Index m = 0; m < materials; ++m) {
-    const MatrixXd mixed = columns.middleCols(3 * m, 3) * mix.transpose() * root;
-    brightness_.col(m) = mixed.col(0);
-    // Which of the two differences a material deviates in is its hue's accident: both have the same
-    // covariance.
-    colour_.middleCols(2 * m, 2) = mixed.rightCols(2) / std::sqrt(2.0);
+  const auto mixed = [&](const MatrixXd& source, MatrixXd& brightness, MatrixXd& colour) {
+    brightness.resize(source.rows(), materials), colour.resize(source.rows(), 2 * materials);
+    for (Index m = 0; m < materials; ++m) {
+      const MatrixXd three = source.middleCols(3 * m, 3) * mix.transpose() * root;
+      brightness.col(m) = three.col(0);
+      // Which of the two differences a material deviates in is its hue's accident: both have the same
+      // covariance.
+      colour.middleCols(2 * m, 2) = three.rightCols(2) / std::sqrt(2.0);
+    }
+  };
+  mixed(columns, brightness_, colour_);
+
+  // What the others miss of material j: with P = (Y^T Y + eta I)^-1 it is Y P_j P_jj^-1, the columns j being
+  // the material's three channels (block inverse of the ridge without them).
+  const MatrixXd& gram = basis_->gram(BasisRegion::All);
+  const auto cells = static_cast<double>(basis_->cellCount(BasisRegion::All));
+  MatrixXd normal = columns.transpose() * (gram * columns);
+  normal.diagonal().array() +=
+      kMissedAccuracy * kMissedAccuracy * static_cast<double>(columns.cols()) * cells / kEtaRows;
+  const MatrixXd inverse = normal.ldlt().solve(MatrixXd::Identity(normal.rows(), normal.cols()));
+  MatrixXd missed(columns.rows(), columns.cols());
+  for (Index m = 0; m < materials; ++m)
+    missed.middleCols(3 * m, 3) =
+        columns * inverse.middleCols(3 * m, 3) * inverse.block<3, 3>(3 * m, 3 * m).inverse();
+  mixed(missed, missedBrightness_, missedColour_);
+  for (MatrixXd* part : {&missedBrightness_, &missedColour_}) {
+    const double square = (part->array() * (gram * *part).array()).sum() / cells;
+    if (square > 0) *part /= std::sqrt(square);
   }
 }
 
@@ -140,6 +210,7 @@ MappedRows TwoShotModel::map(const std::vector<DiagnosisRow>& rows, const TwoSho
   if (reuse) {
     out.weight = like->weight, out.offset = like->offset;
     out.brightness = like->brightness, out.colour = like->colour, out.place = like->place;
+    out.unlike = like->unlike;
   } else {
     std::vector<int> kept;
     BasisRows basisRows = basis_->rows(out.angles, &kept);
@@ -155,6 +226,12 @@ MappedRows TwoShotModel::map(const std::vector<DiagnosisRow>& rows, const TwoSho
     out.weight = basisRows.weight, out.offset = basisRows.lnReference + basisRows.mean;
     out.brightness = product(basisRows.components, false, brightness_, false);
     out.colour = product(basisRows.components, false, colour_, false);
+    out.unlike.resize(n, 2);
+    const auto field = [&](const MatrixXd& missed) -> VectorXd {
+      const MatrixXd here = product(basisRows.components, false, missed, false);
+      return (here.rowwise().squaredNorm().array() + kUnlikeFloor * kUnlikeFloor).sqrt();
+    };
+    out.unlike.col(0) = field(missedBrightness_), out.unlike.col(1) = field(missedColour_);
     for (Index i = 0; i < n; ++i) out.place.row(i) = smoothPlace(out.angles[i]);
   }
   const Eigen::Matrix3d& mix = channelCombinations();
@@ -203,15 +280,11 @@ ConditionedRows TwoShotModel::condition(const MappedRows& rows, const BasisDevia
   bool ok[2] = {false, false};
   tbb::parallel_for(0, 2, [&](int part) {
     if (part == 0) {
-      ok[0] = likelihood(
-          covariance(rows.place, rows.brightness, rows.noise.col(0),
-                     rows.lobe.size() > 0 ? MatrixXd(rows.lobe.leftCols(1)) : MatrixXd(), basis.brightness),
-          rows.value.leftCols(1), &out.factorBrightness, &solvedBrightness, &ln[0]);
+      ok[0] = likelihood(covariance(rows, 0, true, basis.brightness), rows.value.leftCols(1),
+                         &out.factorBrightness, &solvedBrightness, &ln[0]);
     } else {
-      ok[1] = likelihood(
-          covariance(rows.place, rows.colour, rows.noise.rightCols(2).rowwise().mean(),
-                     rows.lobe.size() > 0 ? MatrixXd(rows.lobe.rightCols(2)) : MatrixXd(), basis.colour),
-          rows.value.rightCols(2), &out.factorColour, &solvedColour, &ln[1]);
+      ok[1] = likelihood(covariance(rows, 1, true, basis.colour), rows.value.rightCols(2), &out.factorColour,
+                         &solvedColour, &ln[1]);
     }
   });
   out.ok = ok[0] && ok[1];
@@ -231,27 +304,44 @@ MatrixXd TwoShotModel::predict(const MappedRows& seen, const ConditionedRows& co
   MatrixXd out(there.size(), 3);
   const MatrixXd solvedColour = conditioned.solved.rightCols(2);
   out.leftCols(1) = there.brightness * (seen.brightness.transpose() * conditioned.solved.col(0)) +
-                    smoothCovariance(there.place, seen.place, basis.brightness) * conditioned.solved.col(0);
+                    deviationCovariance(there, seen, 0, basis.brightness) * conditioned.solved.col(0);
   out.rightCols(2) = there.colour * (seen.colour.transpose() * solvedColour) +
-                     smoothCovariance(there.place, seen.place, basis.colour) * solvedColour;
+                     deviationCovariance(there, seen, 1, basis.colour) * solvedColour;
   return out;
 }
 
 MatrixXd TwoShotModel::predictedCovariance(const MappedRows& seen, const ConditionedRows& conditioned,
                                            const MappedRows& there, const BasisDeviation& basis) const {
-  MatrixXd across = smoothCovariance(seen.place, there.place, basis.brightness);
+  MatrixXd across = deviationCovariance(seen, there, 0, basis.brightness);
   multiply(seen.brightness, false, there.brightness, true, across, 1, 1);
   solveLowerInPlace(conditioned.factorBrightness, false, across);
-  const MatrixXd none;
-  MatrixXd own = covariance(there.place, there.brightness, there.noise.col(0), none, basis.brightness);
+  MatrixXd own = covariance(there, 0, false, basis.brightness);
   multiply(across, true, across, false, own, -1, 1);
   return own;
 }
 
 std::shared_ptr<const SmoothCorrection> TwoShotModel::correction(const MappedRows& seen,
-                                                                 const ConditionedRows& conditioned,
                                                                  const BasisDeviation& basis) const {
-  return std::make_shared<const SmoothCorrection>(seen.place, conditioned.solved, basis);
+  // A correction must be smooth, and the same kind of function everywhere: deviations of the mean size.
+  BasisDeviation sizes = basis;
+  MatrixXd weight(seen.size(), 3);
+  for (const Index column : {Index{0}, Index{1}}) {
+    BasisDeviation::Part& part = column == 0 ? sizes.brightness : sizes.colour;
+    const double mean = std::sqrt(seen.unlike.col(column).squaredNorm() / static_cast<double>(seen.size()));
+    part.grain *= mean, part.fine *= mean, part.broad *= mean;
+    const MatrixXd& root = column == 0 ? seen.brightness : seen.colour;
+    MatrixXd matrix = smoothCovariance(seen.place, seen.place, part);
+    multiply(root, false, root, true, matrix, 1, 1);
+    matrix.diagonal() += noiseOf(seen, column);
+    matrix.diagonal().array() += part.grain * part.grain;
+    const Index first = column, count = column == 0 ? 1 : 2;
+    MatrixXd y = seen.value.middleCols(first, count);
+    if (!choleskyInPlace(matrix)) return nullptr;
+    solveLowerInPlace(matrix, false, y);
+    solveLowerInPlace(matrix, true, y);
+    weight.middleCols(first, count) = y;
+  }
+  return std::make_shared<const SmoothCorrection>(seen.place, weight, sizes);
 }
 
 double TwoShotModel::lnPrior(const BasisDeviation& basis) {
@@ -259,50 +349,45 @@ double TwoShotModel::lnPrior(const BasisDeviation& basis) {
 }
 
 BasisDeviation TwoShotModel::fitDeviation(const MappedRows& rows, const BasisDeviation& start,
-                                          const JobContext& job) const {
+                                          const JobContext& job, double firstStep) const {
   BasisDeviation best = start;
   tbb::parallel_for(0, 2, [&](int which) {
     BasisDeviation::Part& part = which == 0 ? best.brightness : best.colour;
     const BasisDeviation::Part& median = which == 0 ? kBrightnessMedian : kColourMedian;
     const MatrixXd& root = which == 0 ? rows.brightness : rows.colour;
-    const VectorXd noise =
-        which == 0 ? VectorXd(rows.noise.col(0)) : VectorXd(rows.noise.rightCols(2).rowwise().mean());
-    const MatrixXd y = which == 0 ? MatrixXd(rows.value.leftCols(1)) : MatrixXd(rows.value.rightCols(2));
+    const VectorXd noise = noiseOf(rows, which), grain = grainVariance(rows, which, {1, 0, 0});
+    const MatrixXd y = rows.value.middleCols(which, which == 0 ? 1 : 2);
     MatrixXd basisPart = product(root, false, root, true);
-    if (rows.lobe.size() > 0)
-      addLobeCovariance(rows.place,
-                        which == 0 ? MatrixXd(rows.lobe.leftCols(1)) : MatrixXd(rows.lobe.rightCols(2)),
-                        basisPart);
-    const MatrixXd broad = smoothCovariance(rows.place, rows.place, {0, 0, 1}),
-                   fine = smoothCovariance(rows.place, rows.place, {0, 1, 0});
+    addLobeCovariance(rows.place, lobeOf(rows, which), basisPart);
+    const MatrixXd broad = deviationCovariance(rows, rows, which, {0, 0, 1}),
+                   fine = deviationCovariance(rows, rows, which, {0, 1, 0});
     const auto value = [&](const BasisDeviation::Part& tried) {
       MatrixXd matrix = basisPart + (tried.broad * tried.broad) * broad + (tried.fine * tried.fine) * fine;
-      matrix.diagonal() += noise;
-      matrix.diagonal().array() += tried.grain * tried.grain;
+      matrix.diagonal() += noise + (tried.grain * tried.grain) * grain;
       double ln = 0;
       if (!likelihood(std::move(matrix), y, nullptr, nullptr, &ln))
         return -std::numeric_limits<double>::infinity();
       return ln + lnPriorOf(tried, median);
     };
     double at = value(part);
-    if (const double middle = value(median); middle > at) at = middle, part = median;
-    // Coordinates in turn, in steps that halve: three sizes, each to a tenth of its logarithm's prior.
-    for (double step = 1.2; step > 0.12 && !job.cancelled(); step /= 2) {
+    std::vector<BasisDeviation::Part> places{median};
+    if (firstStep >= 1) places.insert(places.end(), kPlaces.begin(), kPlaces.end());
+    for (const BasisDeviation::Part& place : places)
+      if (const double there = value(place); there > at) at = there, part = place;
+    // In steps that halve, each size by itself, and white against rough: the two stand for each other.
+    constexpr std::array<std::array<double, 3>, 8> kMoves{
+        {{1, 0, 0}, {-1, 0, 0}, {0, 0, 1}, {0, 0, -1}, {0, 1, 0}, {0, -1, 0}, {-1, 0.5, 0}, {1, -0.5, 0}}};
+    for (double step = firstStep; step > 0.12 && !job.cancelled(); step /= 2) {
       bool moved = true;
       for (int round = 0; round < 8 && moved; ++round) {
         moved = false;
-        for (double BasisDeviation::Part::*size :
-             {&BasisDeviation::Part::grain, &BasisDeviation::Part::broad, &BasisDeviation::Part::fine}) {
-          for (const double direction : {1.0, -1.0}) {
-            BasisDeviation::Part tried = part;
-            tried.*size *= std::exp(direction * step);
-            if (tried.*size > kLargestPart || tried.*size < kSmallestPart) continue;
-            const double found = value(tried);
-            if (found > at + 0.01) {
-              at = found, part = tried, moved = true;
-              break;
-            }
-          }
+        for (const std::array<double, 3>& move : kMoves) {
+          const auto within = [&](double size, double by) {
+            return std::clamp(size * std::exp(by * step), kSmallestPart, kLargestPart);
+          };
+          const BasisDeviation::Part tried{within(part.grain, move[0]), within(part.fine, move[1]),
+                                           within(part.broad, move[2])};
+          if (const double found = value(tried); found > at + 0.01) at = found, part = tried, moved = true;
         }
       }
     }

@@ -17,6 +17,7 @@ struct MappedRows {
   Eigen::MatrixXd place;       ///< n x 3, coordinates in which deviations are smooth
   Eigen::MatrixXd brightness;  ///< n x (materials), square root of the basis' covariance of brightness
   Eigen::MatrixXd colour;      ///< n x (2 materials), of colour
+  Eigen::MatrixXd unlike;      ///< n x 2, how much more than elsewhere materials deviate from the basis here
   double lnJacobian = 0;       ///< of the mapping, so that likelihoods of different deviations compare
   std::vector<HalfDiffAngles> angles;
   bool anglesTakenOver = false;    ///< from `like`: nothing moved
@@ -33,11 +34,15 @@ struct ConditionedRows {
 };
 
 /// What the diagnosis takes for the probability of photographs: mapped values are a Gaussian process whose
-/// covariance is that of the basis' own materials, plus smooth deviations of materials from the basis (how
-/// large is found from the photographs themselves), plus noise. Effects of the set-up act on where the
-/// process is looked up and on the values. This is the paper's ridge (its eta being white deviations of 0.36)
-/// with the deviations' smoothness taken into account, without which thousands of neighbouring rows would
-/// count as independent.
+/// covariance is that of the basis' own materials, plus continuous deviations of materials from the basis,
+/// plus noise. Where deviations are large is what the basis' own materials do when each is predicted by the
+/// others from all directions (largest on highlights and towards grazing); how large they are for this sample
+/// is found from the photographs themselves. They are rough on every scale (a Matern process of order 3/2
+/// with a broad reach, one of order 1/2 with a fine one): a process of smooth functions would be sure of what
+/// lies between and beside its rows, and call every steep flank a discovery. Effects of the set-up act on
+/// where the process is looked up and on the values. This is the paper's ridge (its eta being white
+/// deviations of 0.36) with the deviations' reach taken into account, without which thousands of neighbouring
+/// rows would count as independent.
 class TwoShotModel {
  public:
   explicit TwoShotModel(BasisPtr basis);
@@ -55,15 +60,14 @@ class TwoShotModel {
   Eigen::MatrixXd predictedCovariance(const MappedRows& seen, const ConditionedRows& conditioned,
                                       const MappedRows& there, const BasisDeviation& basis) const;
   /// How far from the basis the material is, by the largest posterior probability; `start` is where the
-  /// search begins. Cost: some 30 factorisations.
-  BasisDeviation fitDeviation(const MappedRows& rows, const BasisDeviation& start,
-                              const JobContext& job) const;
+  /// search begins, `firstStep` (of logarithms) how far it looks at first. Cost: some 30 factorisations.
+  BasisDeviation fitDeviation(const MappedRows& rows, const BasisDeviation& start, const JobContext& job,
+                              double firstStep = 1.2) const;
   /// ln of the prior density that `fitDeviation` maximises beside the likelihood.
   static double lnPrior(const BasisDeviation& basis);
 
-  /// The smooth deviation from the basis that the photographs let expect.
+  /// The smooth deviation from the basis that the photographs let expect; null where it can't be found.
   std::shared_ptr<const SmoothCorrection> correction(const MappedRows& seen,
-                                                     const ConditionedRows& conditioned,
                                                      const BasisDeviation& basis) const;
 
   const Basis& basis() const { return *basis_; }
@@ -71,6 +75,9 @@ class TwoShotModel {
  private:
   BasisPtr basis_;
   Eigen::MatrixXd brightness_, colour_;  ///< k x materials, k x 2 materials
+  /// The same shapes: what the other materials miss of each, all directions known; in units of its RMS over
+  /// the grid.
+  Eigen::MatrixXd missedBrightness_, missedColour_;
 };
 
 }  // namespace patina

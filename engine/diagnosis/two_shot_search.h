@@ -36,9 +36,6 @@ class TwoShotSearch {
   /// Goes on from what `look` found, the material's distance fitted too.
   TrialOutcome refine(const TwoShotCandidate& candidate, const TrialOutcome& from) const;
 
-  /// The probabilities with a candidate whose parameters were found otherwise; how far the material is from
-  /// the basis with it is fitted.
-  TrialOutcome weigh(const TwoShotCandidate& candidate, const Eigen::VectorXd& value) const;
   /// Factors of held-out photographs, each from that photograph and what the fitted ones let expect of it; 0
   /// where there is nothing to say. At most a third of all photographs may have one: what most of them share
   /// is the material's.

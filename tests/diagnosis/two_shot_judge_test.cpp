@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "engine/diagnosis/two_shot_odds.h"
 #include "engine/twoshot/smooth_correction.h"
 
 // Which evidence is enough, and the free-form correction that is tried when none has a name.
@@ -24,10 +25,19 @@ TwoShotEvidence plain() {
   return e;
 }
 
+/// A lobe that the photographs plainly show: what drawn retroreflections did to the reconstruction's errors.
+TwoShotEvidence plainLobe(const char* id) {
+  TwoShotEvidence e = plain();
+  e.id = id, e.surface = e.lobe = true;
+  e.fitRatio = 0.12, e.heldRatio = 0.25;
+  return e;
+}
+
 TEST(TwoShotJudge, OverwhelmingEvidenceIsEnough) {
   const TwoShotVerdict verdict = judge(plain(), kFirst);
   EXPECT_TRUE(verdict.passes);
-  EXPECT_GT(verdict.gain, 100);
+  EXPECT_TRUE(verdict.answers);
+  EXPECT_GT(verdict.gain, 3);  // ln odds of twenty to one
 }
 
 TEST(TwoShotJudge, HeldOutPhotographsMayRefuse) {
@@ -78,8 +88,7 @@ TEST(TwoShotJudge, TheWholeReconstructionHasTheLastWord) {
 }
 
 TEST(TwoShotJudge, ALobeThatHeldOutPhotographsDontSeeIsDecidedByTheFittedOnes) {
-  TwoShotEvidence e = plain();
-  e.id = "retroreflection", e.surface = e.lobe = true;
+  TwoShotEvidence e = plainLobe("retroreflection");
   TwoShotVerdict verdict = judge(e, kFirst);
   e.wholeRatio = e.wholeSumRatio = 0.98, e.wholeFitRatio = 0.4;
   verifyWhole(e, verdict);
@@ -96,13 +105,12 @@ TEST(TwoShotJudge, AStrengthThatMakesNoSenseIsRefused) {
 }
 
 TEST(TwoShotJudge, ALobeMustServeTheReconstruction) {
-  TwoShotEvidence e = plain();
-  e.id = "clearcoat", e.surface = e.lobe = true;
+  TwoShotEvidence e = plainLobe("clearcoat");
   EXPECT_TRUE(judge(e, kFirst).passes);
   e.heldRatio = 1;
   EXPECT_FALSE(judge(e, kFirst).passes) << "held-out photographs gain nothing";
-  e = plain();
-  e.id = "clearcoat", e.surface = e.lobe = true, e.fitRatio = 0.95;
+  e = plainLobe("clearcoat");
+  e.fitRatio = 0.95;
   EXPECT_FALSE(judge(e, kFirst).passes) << "fitted photographs gain nothing";
 }
 
@@ -114,6 +122,31 @@ TEST(TwoShotJudge, AFreeCorrectionNeedsHeldOutPhotographs) {
   EXPECT_FALSE(judge(e, kFirst).passes);
   e.held = true, e.heldBetter = 0.5;
   EXPECT_FALSE(judge(e, kFirst).passes) << "half of the photographs gain, half lose";
+}
+
+TEST(TwoShotOdds, ProbabilitiesLeaveTheirShareToNothing) {
+  const std::vector<double> p = probabilitiesOf({0, std::log(2.0)});
+  ASSERT_EQ(p.size(), 2u);
+  EXPECT_NEAR(p[0], 0.25, 1e-12);
+  EXPECT_NEAR(p[1], 0.5, 1e-12);
+}
+
+TEST(TwoShotOdds, WeightsThatAreFittedAreCalibrated) {
+  // Two answers with one feature each: 300 captures where the first is right as often as a weight of 2 says.
+  std::vector<WeighedCapture> captures;
+  for (int i = 0; i < 300; ++i) {
+    WeighedCapture capture;
+    EvidenceFeatures x = EvidenceFeatures::Zero();
+    x[7] = i % 3 - 1;
+    capture.tried = {x};
+    const double p = 1 / (1 + std::exp(-2 * x[7]));
+    capture.right = {static_cast<char>((i / 3) % 100 < 100 * p)};
+    captures.push_back(capture);
+  }
+  const EvidenceFeatures w = fitEvidenceWeights(captures, EvidenceFeatures::Zero(), 10);
+  // A hundred captures of each kind, rounded to whole ones.
+  EXPECT_NEAR(w[7], 2, 0.15);
+  EXPECT_NEAR(w[0], 0, 1e-9);
 }
 
 TEST(SmoothCorrection, IsTheProcessAnswerWhereItWasLearntAndNothingFarAway) {

@@ -11,9 +11,11 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 #include <thread>
 
 #include "engine/diagnosis/two_shot_explain.h"
+#include "engine/diagnosis/two_shot_odds.h"
 #include "engine/twoshot/basis_subset.h"
 #include "engine/twoshot/fit.h"
 #include "tests/base/temp_folder.h"
@@ -81,7 +83,8 @@ nlohmann::json evidenceJson(const TwoShotEvidence& e) {
           {"variant", e.variant},
           {"surface", e.surface},
           {"lobe", e.lobe},
-          {"ownShot", e.ownShot},
+          {"heldOnly", e.heldOnly},
+          {"free", e.free},
           {"refined", e.refined},
           {"held", e.held},
           {"sensible", e.sensible},
@@ -101,6 +104,82 @@ nlohmann::json evidenceJson(const TwoShotEvidence& e) {
           {"whole", e.wholeRatio},
           {"wholeSum", e.wholeSumRatio},
           {"wholeFit", e.wholeFitRatio}};
+}
+
+TwoShotEvidence evidenceOfJson(nlohmann::json line) {
+  // What isn't finite was written as null: it says nothing.
+  for (auto it = line.begin(); it != line.end();) it = it->is_null() ? line.erase(it) : std::next(it);
+  TwoShotEvidence e;
+  e.id = line.value("id", ""), e.variant = line.value("variant", "");
+  e.surface = line.value("surface", false), e.lobe = line.value("lobe", false);
+  e.heldOnly = line.value("heldOnly", e.variant == "of held-out photographs");
+  e.free = line.value("free", e.id == "basis-deviation");
+  e.refined = line.value("refined", false), e.held = line.value("held", false);
+  e.sensible = line.value("sensible", true);
+  e.lnEvidence = line.value("lnEvidence", 0.0), e.lnHeld = line.value("lnHeld", 0.0);
+  e.lnAround = line.value("lnAround", 0.0), e.reach = line.value("reach", 0.0);
+  e.fitRatio = line.value("fitRatio", 1.0), e.heldRatio = line.value("heldRatio", 1.0);
+  e.heldBetter = line.value("heldBetter", 0.0), e.heldWorst = line.value("heldWorst", 1.0);
+  return e;
+}
+
+/// Fits the weights of the evidence to the first rounds of all captures in the logs, and prints them with
+/// what they would have answered.
+int weigh(const std::vector<fs::path>& logs) {
+  std::vector<WeighedCapture> captures;
+  std::vector<std::string> names;
+  std::vector<std::vector<std::string>> ids;
+  for (const fs::path& log : logs) {
+    std::ifstream in(log);
+    for (std::string text; std::getline(in, text);) {
+      const auto line = nlohmann::json::parse(text, nullptr, false);
+      if (!line.is_object() || !line.contains("rounds") || line.at("rounds").empty()) continue;
+      std::set<std::string> truth;
+      for (const std::string id : line.at("truth")) {
+        truth.insert(id);
+        if (id == "black-level") truth.insert("stray-light");  // one group where all exposures are alike
+      }
+      if (truth.contains("saturation")) continue;  // told by its plateau, not by evidence
+      std::vector<TwoShotEvidence> round;
+      double around = 0;
+      for (const auto& one : line.at("rounds").front()) {
+        const TwoShotEvidence e = evidenceOfJson(one);
+        if (!answerable(e)) continue;
+        around = std::max(around, e.lnAround);
+        round.push_back(e);
+      }
+      WeighedCapture capture;
+      ids.emplace_back();
+      for (const TwoShotEvidence& e : round) {
+        capture.tried.push_back(featuresOf(e, around));
+        capture.right.push_back(truth.contains(e.id));
+        ids.back().push_back(e.id);
+      }
+      captures.push_back(std::move(capture));
+      const TwoShotOutcome o = outcomeOfLine(text);
+      names.push_back(o.kind + " " + o.sentence());
+    }
+  }
+  const EvidenceFeatures w = fitEvidenceWeights(captures, evidenceWeightsBefore(), 1.0);
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    std::vector<double> odds;
+    for (const EvidenceFeatures& x : captures[c].tried) odds.push_back(w.dot(x));
+    const std::vector<double> p = probabilitiesOf(odds);
+    std::map<std::string, double> share;
+    double nothing = 1;
+    for (std::size_t i = 0; i < p.size(); ++i) share[ids[c][i]] += p[i], nothing -= p[i];
+    std::vector<std::pair<double, std::string>> order{{nothing, "nothing"}};
+    for (const auto& [id, value] : share) order.emplace_back(value, id);
+    std::sort(order.rbegin(), order.rend());
+    std::printf("%s |", names[c].c_str());
+    for (std::size_t k = 0; k < std::min<std::size_t>(3, order.size()); ++k)
+      std::printf(" %s %.2f", order[k].second.c_str(), order[k].first);
+    std::printf("\n");
+  }
+  std::printf("%zu captures:", captures.size());
+  for (const double value : w) std::printf(" %.3f,", value);
+  std::printf("\n");
+  return 0;
 }
 
 double medianShare(const fs::path& bundle, const BasisPtr& basis, const JobContext& job) {
@@ -233,6 +312,12 @@ int main(int argc, char** argv) {
   app.add_option("--images", plan.images, "Folder for its charts");
   app.add_option("--only", plan.only, "Only these effects");
   app.add_flag("--page-only", plan.pageOnly, "Only write the page from what is in the log");
+  std::vector<fs::path> logs;
+  app.add_option(
+      "--weigh", logs,
+      "Only fits the weights of the evidence (two_shot_odds.cpp) to the captures of these logs, and "
+      "prints them");
   CLI11_PARSE(app, argc, argv);
+  if (!logs.empty()) return weigh(logs);
   return run(plan);
 }
