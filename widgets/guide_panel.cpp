@@ -229,6 +229,7 @@ void GuidePanel::refreshList() {
                           : mark == Mark::Current ? tr("now")
                                                   : tr("to do");
     QString second = mark == Mark::ToDo && step.note().isEmpty() ? QString() : words;
+    if (mark == Mark::ToDo && step.note().isEmpty() && step.canGoOn()) second = tr("of use, not needed");
     if (!step.note().isEmpty()) second += (second.isEmpty() ? QString() : QStringLiteral(", ")) + step.note();
     item->setText(second.isEmpty() ? step.title() : step.title() + QLatin1Char('\n') + second);
     item->setIcon(markOf(mark, i + 1, devicePixelRatioF()));

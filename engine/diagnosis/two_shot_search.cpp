@@ -23,6 +23,8 @@ constexpr double kIndependentBlocks = 30;
 constexpr double kHeldFactorGain = 4;
 /// Of the places where a candidate's search may begin, so many are followed.
 constexpr std::size_t kStartsFollowed = 2;
+/// A search that begins at so many places has several ends near its best one, and so many are looked at.
+constexpr std::size_t kManyStarts = 50, kPlacesAround = 4;
 /// First step of the search for the deviations' sizes when held-out photographs join.
 constexpr double kHeldStep = 0.6;
 /// Step of the numerical derivatives, in prior standard deviations.
@@ -361,6 +363,19 @@ TrialOutcome TwoShotSearch::look(const TwoShotCandidate& candidate) const {
 
 TrialOutcome TwoShotSearch::refine(const TwoShotCandidate& candidate, const TrialOutcome& start) const {
   TrialOutcome outcome = from(candidate, start.value, start.basis, kRounds);
+  // A highlight that moves over few pictures has several places that fit as well: the held-out photographs
+  // tell them apart.
+  if (candidate.starts.size() >= kManyStarts) {
+    std::vector<VectorXd> around = candidate.starts;
+    std::ranges::sort(around, {}, [&](const VectorXd& place) { return (place - start.value).squaredNorm(); });
+    around.resize(kPlacesAround);
+    for (const VectorXd& place : around) {
+      if (job_.cancelled()) break;
+      TrialOutcome other = from(candidate, place, outcome.basis, kRounds);
+      if (other.tried && other.lnEvidence + other.lnHeld > outcome.lnEvidence + outcome.lnHeld)
+        outcome = std::move(other);
+    }
+  }
   outcome.score = start.score;
   return outcome;
 }

@@ -1,6 +1,7 @@
 // The guided Fourier capture, led by clicks.
 #include <gmock/gmock.h>
 
+#include <QAction>
 #include <QDoubleSpinBox>
 #include <QGuiApplication>
 #include <QLabel>
@@ -8,6 +9,7 @@
 #include <QProgressBar>
 #include <QWindow>
 
+#include "app/window/explain_controller.h"
 #include "app/window/rig/fourier_capture_step.h"
 #include "engine/acquire/capture_journal.h"
 #include "tests/guide/guide_fixture.h"
@@ -47,6 +49,13 @@ class FourierGuide : public GuideTest {
     ASSERT_TRUE(until([&] { return panel.nextButton()->isEnabled() || window_->banner()->isVisible(); }))
         << panel.nextButton()->toolTip().toStdString();
     ASSERT_FALSE(window_->banner()->isVisible()) << window_->banner()->text().toStdString();
+    auto* list = panel.findChild<ChecklistPanel*>();
+    ASSERT_NE(list, nullptr);
+    ASSERT_GE(list->lines(), 7);
+    QCoreApplication::processEvents();
+    for (const QLabel* label : list->findChildren<QLabel*>())
+      if (label->text().startsWith(QStringLiteral("Ambient"))) EXPECT_TRUE(label->isVisible());
+    screenshot(QStringLiteral("guide_checklist"));
     click(panel.nextButton());
   }
   void leadToChecklist() {
@@ -124,6 +133,28 @@ TEST_F(FourierGuide, EscOnThePatternScreenStopsItAndItGoesOnWhereItWas) {
   ASSERT_TRUE(until([&] { return !step.running(); }, 120000));
   EXPECT_TRUE(guide().nextButton()->isEnabled()) << guide().nextButton()->toolTip().toStdString();
   EXPECT_EQ(progress->value(), progress->maximum());
+}
+
+TEST_F(FourierGuide, WhatWasCapturedIsFittedAndExplained) {
+  PATINA_LEAD_TO_CAPTURE();
+  screenshot(QStringLiteral("guide_capture"));
+  ASSERT_TRUE(until([&] { return !step.running(); }, 120000));
+  screenshot(QStringLiteral("guide_capture_done"));
+  click(guide().nextButton());
+  ASSERT_TRUE(until([&] { return window_->document()->capture() != nullptr; }));
+  window_->action(QStringLiteral("fit"))->trigger();
+  ASSERT_TRUE(until([&] { return window_->document()->fit() != nullptr; }, 120000))
+      << window_->banner()->text().toStdString();
+  EXPECT_LT(window_->document()->fit()->stats().holdoutRms,
+            1.1 * window_->document()->fit()->stats().noiseFloorHoldout);
+  window_->action(QStringLiteral("explain"))->trigger();
+  ASSERT_TRUE(until([&] { return window_->explanation()->explanation() != nullptr; }, 200000))
+      << window_->banner()->text().toStdString();
+  // A capture of a rig without effects, under true calibrations.
+  EXPECT_TRUE(window_->explanation()->explanation()->effects.empty())
+      << window_->explanation()->explanation()->effects.front().id;
+  short_->hide();
+  screenshot(QStringLiteral("guide_explained"));
 }
 
 TEST_F(FourierGuide, AnUnpluggedCameraCostsNothingThatIsDone) {

@@ -86,11 +86,13 @@ void GuideTest::chooseDevices() {
 
 void GuideTest::screenshot(const QString& name) {
   QDir().mkpath(QStringLiteral(PATINA_SCREENSHOT_DIR));
+  QCoreApplication::processEvents();  // what was just made is laid out and shown
+  QWidget* shown = short_ && short_->isVisible() ? static_cast<QWidget*>(short_.get()) : window_.get();
   const QString file = QStringLiteral(PATINA_SCREENSHOT_DIR "/%1_%2x%3.png")
                            .arg(name)
-                           .arg(window_->width())
-                           .arg(window_->height());
-  EXPECT_TRUE(window_->grab().save(file)) << file.toStdString();
+                           .arg(shown->width())
+                           .arg(shown->height());
+  EXPECT_TRUE(shown->grab().save(file)) << file.toStdString();
 }
 
 void GuideTest::writeTrueCalibrations() {

@@ -51,6 +51,7 @@ class GuideTest : public testing::Test {
   static void click(QWidget* widget);
   /// Chooses the camera and the second monitor, by clicks.
   void chooseDevices();
+  /// Of the guide without its calibrations where there is one on show, else of the window.
   void screenshot(const QString& name);
 
   /// Calibrations that say what the rig truly is, as files.
