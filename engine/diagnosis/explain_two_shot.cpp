@@ -535,21 +535,7 @@ class Explainer {
       if (!candidate.unobservable.empty() || !told.insert(candidate.id).second) continue;
       const TwoShotSearch::Score& score = scores_[i];
       for (Eigen::Index p = 0; p < score.sd.size(); ++p) {
-        const TwoShotCandidate::Parameter& parameter = candidate.parameters[static_cast<std::size_t>(p)];
-        BudgetLine line;
-        line.id = candidate.id;
-        line.parameter = parameter.name + (parameter.where.empty() ? "" : " of " + parameter.where);
-        line.unit = parameter.unit;
-        // 95 %, and not more than four of the prior's own standard deviations: nobody would overlook that.
-        line.largestUnseen = std::min(1.96 * score.sd[p], 4 * parameter.sd);
-        const double shift = line.largestUnseen * score.absorbed[p];
-        line.shifts.push_back({"BRDF where it was measured", "natural log", shift});
-        char text[240];
-        std::snprintf(text, sizeof text,
-                      "Up to %.3g %s would not be seen, and would change the BRDF by %.1f %%.",
-                      line.largestUnseen, parameter.unit.c_str(), 100 * std::expm1(shift));
-        line.sentence = text;
-        out_->budget.push_back(std::move(line));
+        out_->budget.push_back(budgetLine(candidate, p, score.sd[p], score.absorbed[p]));
       }
     }
   }
@@ -559,25 +545,12 @@ class Explainer {
     job_.progress("report", 0, 1, "reports");
     describeResiduals(*before_, *after, options_.pictures, out_.get());
     out_->twoShotBefore = before_, out_->twoShotAfter = after;
-    remedy();
+    addBasisRemedy(*out_);
     out_->cancelled |= job_.cancelled();
     job_.progress("report", 1, 1, "reports");
     lap("report", reporting);
     lap("total", start);
     return ExplanationPtr(std::move(out_));
-  }
-
-  /// What helps where the basis itself is what lacks.
-  void remedy() {
-    const double left = out_->after.holdoutRms >= 0 ? out_->after.holdoutRms : out_->after.fitRms;
-    const double floor = out_->after.holdoutRms >= 0 ? out_->noiseFloorHoldout : out_->noiseFloorFit;
-    if (left > 3 * floor && left > 0.1)
-      out_->remarks.push_back(
-          "The basis holds no material like this one in the directions that no photograph saw. Measured "
-          "BRDFs of similar "
-          "materials, added with 'patina-cli basis build', help more here than any term would; so does one "
-          "more "
-          "photograph.");
   }
 
   ExplainOptions options_;

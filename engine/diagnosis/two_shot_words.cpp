@@ -204,4 +204,32 @@ std::string decidingCapture(const std::string& a, const std::string& b) {
          "held out.";
 }
 
+BudgetLine budgetLine(const TwoShotCandidate& candidate, Eigen::Index p, double sd, double absorbed) {
+  const TwoShotCandidate::Parameter& parameter = candidate.parameters[static_cast<std::size_t>(p)];
+  BudgetLine line;
+  line.id = candidate.id;
+  line.parameter = parameter.name + (parameter.where.empty() ? "" : " of " + parameter.where);
+  line.unit = parameter.unit;
+  // 95 %, and not more than four of the prior's own standard deviations: nobody would overlook that.
+  line.largestUnseen = std::min(1.96 * sd, 4 * parameter.sd);
+  const double shift = line.largestUnseen * absorbed;
+  line.shifts.push_back({"BRDF where it was measured", "natural log", shift});
+  char text[240];
+  std::snprintf(text, sizeof text, "Up to %.3g %s would not be seen, and would change the BRDF by %.1f %%.",
+                line.largestUnseen, parameter.unit.c_str(), 100 * std::expm1(shift));
+  line.sentence = text;
+  return line;
+}
+
+void addBasisRemedy(Explanation& explanation) {
+  const bool held = explanation.after.holdoutRms >= 0;
+  const double left = held ? explanation.after.holdoutRms : explanation.after.fitRms,
+               floor = held ? explanation.noiseFloorHoldout : explanation.noiseFloorFit;
+  if (left <= 3 * floor || left <= 0.1) return;
+  explanation.remarks.push_back(
+      "The basis holds no material like this one in the directions that no photograph saw. Measured BRDFs of "
+      "similar materials, added with 'patina-cli basis build', help more here than any term would; so does "
+      "one more photograph.");
+}
+
 }  // namespace patina

@@ -15,5 +15,10 @@ std::vector<EffectEstimate> estimatesOf(const TwoShotCandidate& candidate, const
 std::string sentenceOf(const std::string& id, const std::vector<EffectEstimate>& estimates);
 /// Which photographs would tell two effects apart, a sentence; empty where none is known.
 std::string decidingCapture(const std::string& a, const std::string& b);
+/// How large a parameter could be without being seen. `sd`: its uncertainty at none of it; `absorbed`: what
+/// of its effect the reconstruction takes up, natural log a unit.
+BudgetLine budgetLine(const TwoShotCandidate& candidate, Eigen::Index parameter, double sd, double absorbed);
+/// What helps where the basis itself is what lacks, as a remark.
+void addBasisRemedy(Explanation& explanation);
 
 }  // namespace patina

@@ -66,8 +66,8 @@ TEST(Cli, WrongUseExitsWithTwoAndASentence) {
       {"--progress", {"fit", "b", "--out", "o", "--progress", "xml"}},
       {"--lobe", {"fit", "b", "--out", "o", "--lobe", "round"}},
       {"--texel", {"fit", "b", "--out", "o", "--texel", "3"}},
-      {"effects", {"fit", "b", "--out", "o", "--effects", "auto"}},
-      {"effects", {"fit", "b", "--out", "o", "--effects", "glare,defocus"}},
+      {"Did you mean glare?", {"fit", "b", "--out", "o", "--effects", "glaer,defocus"}},
+      {"--effects", {"fit", "b", "--out", "o", "--effects", ","}},
   };
   for (const auto& [words, arguments] : wrong) {
     const Finished finished = cli(arguments);

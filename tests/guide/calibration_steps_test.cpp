@@ -73,7 +73,8 @@ TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
   keepPictures("rig_checkerboard_done");
   const auto kept = readCalibration(controller_->file("camera"), "camera");
   ASSERT_TRUE(kept.ok()) << kept.error().sentence();
-  const Camera& found = std::get<StoredCamera>(kept->content).camera;
+  const StoredCamera& stored = std::get<StoredCamera>(kept->content);
+  const Camera& found = stored.camera;
   const Camera truth = rig_->camera();
   std::printf("focal off %.5f %.5f, middle off %.3f %.3f px, RMS %.3f px\n",
               found.intrinsics(0, 0) / truth.intrinsics(0, 0) - 1,
@@ -82,7 +83,11 @@ TEST_F(CalibrationSteps, CheckerboardTakesViewsByItselfAndFindsTheLens) {
               found.intrinsics(1, 2) - truth.intrinsics(1, 2), kept->residual);
   for (int axis = 0; axis < 2; ++axis) {
     EXPECT_NEAR(found.intrinsics(axis, axis) / truth.intrinsics(axis, axis), 1, kIntrinsics);
-    EXPECT_NEAR(found.intrinsics(axis, 2), truth.intrinsics(axis, 2), kIntrinsics * truth.intrinsics(0, 0));
+    // The principal point of so narrow a lens is known to about a thousandth of the focal length only: it
+    // must be as far off as it says, and say no more than that.
+    const double sd = stored.sd[2 + axis];
+    EXPECT_NEAR(found.intrinsics(axis, 2), truth.intrinsics(axis, 2), 3.5 * sd);
+    EXPECT_LT(sd, 1.1 * kIntrinsics * truth.intrinsics(0, 0));
   }
 }
 

@@ -54,7 +54,7 @@ class FourierGuide : public GuideTest {
     ASSERT_GE(list->lines(), 7);
     QCoreApplication::processEvents();
     for (const QLabel* label : list->findChildren<QLabel*>())
-      if (label->text().startsWith(QStringLiteral("Ambient"))) EXPECT_TRUE(label->isVisible());
+      EXPECT_TRUE(label->isVisible() || !label->text().startsWith(QStringLiteral("Ambient")));
     screenshot(QStringLiteral("guide_checklist"));
     click(panel.nextButton());
   }

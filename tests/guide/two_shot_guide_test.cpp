@@ -106,10 +106,15 @@ TEST_F(TwoShotGuideTest, LeadsFromTheCheckerboardToTheReconstruction) {
   clickNamed("board-keep");
   const auto lens = readCalibration(calibrations() / "camera.json", "camera");
   ASSERT_TRUE(lens.ok());
-  const Camera found = std::get<StoredCamera>(lens->content).camera, truth = rig_->camera();
+  const StoredCamera& stored = std::get<StoredCamera>(lens->content);
+  const Camera found = stored.camera, truth = rig_->camera();
   for (int axis = 0; axis < 2; ++axis) {
     EXPECT_NEAR(found.intrinsics(axis, axis) / truth.intrinsics(axis, axis), 1, kIntrinsics);
-    EXPECT_NEAR(found.intrinsics(axis, 2), truth.intrinsics(axis, 2), kIntrinsics * truth.intrinsics(0, 0));
+    // The principal point of so narrow a lens is known to about a thousandth of the focal length only: it
+    // must be as far off as it says, and say no more than that.
+    const double sd = stored.sd[2 + axis];
+    EXPECT_NEAR(found.intrinsics(axis, 2), truth.intrinsics(axis, 2), 3.5 * sd);
+    EXPECT_LT(sd, 1.1 * kIntrinsics * truth.intrinsics(0, 0));
   }
   next();
 
