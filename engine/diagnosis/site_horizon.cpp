@@ -14,7 +14,7 @@ namespace patina {
 namespace {
 
 constexpr double kWellPredicted = 1.15, kNotWell = 1.2;
-constexpr double kHorizonShare = 0.4;  ///< of a site's chi-square above noise, that a horizon must take off
+constexpr double kHorizonShare = 0.65;  ///< of a site's chi-square above noise, that a horizon must take off
 
 /// Chi-square of a site's fitted photographs in units of noise: no robust factor, no scatter of components
 /// (`plain` has none), which where every site stands in a shadow is the shadow itself.
