@@ -248,7 +248,7 @@ int main(int argc, char** argv) {
   app.add_option("--page", plan.page, "The page whose part is written");
   app.add_option("--images", plan.images, "Folder for its pictures");
   app.add_option("--only", plan.only, "Only subjects with this in their name; no page is written");
-  app.add_flag("--no-brdfs", plan.noBrdfs, "Bundles only, no measured BRDFs as sheets: a third of the time");
+  app.add_flag("--no-brdfs", plan.noBrdfs, "Fourier captures: bundles only, no measured BRDFs as sheets");
   app.add_option("--threads", plan.threads, "0: one a core [default: 0]");
   CLI11_PARSE(app, argc, argv);
   return run(plan);
